@@ -1,0 +1,5 @@
+"""The computation: scene arrays in, irradiance vector grid out. Never imports Blender."""
+
+from .grid import IrradianceVectorGrid
+
+__all__ = ["IrradianceVectorGrid"]

@@ -1,0 +1,282 @@
+"""Scene in, grid out: the bake, step by step.
+
+emission → photon walk → tally → vectors per dual cell → lit share → grid
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Generator
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from typing import TypeVar
+
+import numpy as np
+
+from .checksum import checksum
+from .dual_cells import Lattice
+from .embree import Tracer
+from .emission import Emission, prepare_emission
+from .errors import SceneError
+from .grid import BakeRecord, IrradianceVectorGrid
+from .lit_volume import LightKnowledge, lit_share_steps
+from .memory import require
+from .photon_walk import Course, Walk, thread_count, walk_steps
+from .progress import Progress
+from .report import Notice, merge
+from .scattering import Surfaces
+from .scene import Float32, Scene
+from .settings import BakeSettings, Estimator, Vec3
+from .surface_bins import SurfaceBins
+from .tally import Tally
+from .version import VERSION
+
+Result = TypeVar("Result")
+
+LEAST_LIT_SHARE = 0.01
+"""Below this lit share a vertex is left out: its estimate would be a few photons divided by next
+to nothing, and its neighbours know better."""
+
+
+@dataclass(frozen=True)
+class BakeStatistics:
+    """What a bake did.
+
+    Parameters
+    ----------
+    photons, rays
+        Photons emitted and flights traced; rays/photons is the mean number of flights.
+    emitted, absorbed, escaped, cut
+        Power in W, linear RGB: of all lights; absorbed by surfaces; lost into the void; still
+        under way after the last bounce.
+    prepare_seconds, photon_seconds, lit_seconds
+        Wall-clock time of the phases.
+    embree_seconds
+        Time spent inside Embree during the photon phase, summed over threads.
+    threads
+        Worker threads.
+    grid_bytes
+        Memory of the grid.
+    """
+
+    photons: int
+    rays: int
+    emitted: Vec3
+    absorbed: Vec3
+    escaped: Vec3
+    cut: Vec3
+    prepare_seconds: float
+    photon_seconds: float
+    lit_seconds: float
+    embree_seconds: float
+    threads: int
+    grid_bytes: int
+
+    @property
+    def photons_per_second(self) -> float:
+        """Return photons emitted per second of the photon phase."""
+        return self.photons / max(self.photon_seconds, 1e-9)
+
+    @property
+    def seconds(self) -> float:
+        """Return the wall-clock time of all phases."""
+        return self.prepare_seconds + self.photon_seconds + self.lit_seconds
+
+
+@dataclass(frozen=True)
+class BakeResult:
+    """A grid, what it took, and what should be known about it."""
+
+    grid: IrradianceVectorGrid
+    statistics: BakeStatistics
+    notices: tuple[Notice, ...]
+
+
+def grid_bytes(resolution: tuple[int, int, int]) -> int:
+    """Return the memory of a grid: 6 vectors of 3 channels and a validity per vertex."""
+    return int(np.prod([n + 1 for n in resolution], dtype=object)) * (54 + 1) * 4
+
+
+def memory_needed(settings: BakeSettings) -> int:
+    """Return the most memory that the sums and the grid of a bake take together, bytes."""
+    lattice = _lattice(settings)
+    tallies = thread_count(settings) * Tally.bytes(lattice, settings.estimator)
+    # The vectors exist in double precision for a moment, beside the grid's own.
+    return tallies + 3 * grid_bytes(settings.resolution)
+
+
+def bake(
+    scene: Scene,
+    settings: BakeSettings,
+    on_progress: Callable[[Progress], None] | None = None,
+) -> BakeResult:
+    """Bake without interruption; raises `SceneError`, `SettingsError`, `MemoryLimitError`."""
+    steps = bake_steps(scene, settings)
+    while True:
+        try:
+            progress = next(steps)
+        except StopIteration as end:
+            result: BakeResult = end.value
+            return result
+        if on_progress is not None:
+            on_progress(progress)
+
+
+def bake_steps(scene: Scene, settings: BakeSettings) -> Generator[Progress, None, BakeResult]:
+    """Bake in small steps; close the generator to cancel. Returns a `BakeResult`."""
+    start = time.perf_counter()
+    require(
+        memory_needed(settings),
+        f"a grid of {' × '.join(map(str, settings.resolution))} voxels",
+        "lower the resolution or the number of threads",
+    )
+    yield Progress("Preparing the scene", 0.0)
+    lattice = _lattice(settings)
+    course = _prepare(scene, lattice)
+    prepare_seconds = time.perf_counter() - start
+
+    photon_share = 0.8 if _measures_lit_volume(settings) else 1.0
+    walk = yield from _scaled(walk_steps(course, lattice, settings), 0.0, photon_share)
+    lit_start = time.perf_counter()
+    vectors = walk.tally.vectors(course.emission.flux_scale / settings.photons)
+    validity = np.ones(lattice.shape, dtype=np.float32)
+    if _measures_lit_volume(settings):
+        validity = yield from _scaled(
+            lit_share_steps(
+                LightKnowledge(
+                    geometry=scene.geometry,
+                    tracer=course.later,
+                    bins=course.bins,
+                    bin_counts=walk.bin_counts,
+                    world_shines=bool(np.any(scene.lights.world > 0)),
+                ),
+                lattice,
+                settings.lit_points,
+                settings.seed,
+                settings.threads,
+            ),
+            photon_share,
+            1.0,
+        )
+        vectors, validity = _normalise(vectors, validity)
+    grid = IrradianceVectorGrid(
+        vectors=vectors.astype(np.float32),
+        validity=validity,
+        lattice=lattice,
+        record=_record(scene, settings, course.emission),
+    )
+    statistics = _statistics(settings, course.emission, walk, grid)
+    return BakeResult(
+        grid=grid,
+        statistics=replace(
+            statistics,
+            prepare_seconds=prepare_seconds,
+            lit_seconds=time.perf_counter() - lit_start,
+        ),
+        notices=merge([*scene.notices, *_doubts(grid, walk)]),
+    )
+
+
+def _lattice(settings: BakeSettings) -> Lattice:
+    """Return the grid's lattice."""
+    return Lattice(settings.bounds_min, settings.bounds_max, settings.resolution)
+
+
+def _measures_lit_volume(settings: BakeSettings) -> bool:
+    """Tell whether vectors are divided by lit volumes: the two face estimators know none."""
+    return settings.estimator is Estimator.TRACK_LENGTH and settings.lit_points > 0
+
+
+def _prepare(scene: Scene, lattice: Lattice) -> Course:
+    """Build what the photon walk needs."""
+    if scene.geometry.triangle_count == 0:
+        raise SceneError(
+            f"scene '{scene.name}' has no geometry that renders: add a mesh, or enable its render visibility"
+        )
+    emission = prepare_emission(
+        scene,
+        np.asarray(lattice.bounds_min, dtype=np.float32),
+        np.asarray(lattice.bounds_max, dtype=np.float32),
+    )
+    bins = SurfaceBins.of(scene.geometry, float(lattice.voxel_size.min()))
+    first = Tracer(scene.geometry)
+    seen = scene.diffuse_visible[scene.geometry.object]
+    later = first if seen.all() else Tracer(scene.geometry, keep=seen)
+    return Course(emission, first, later, Surfaces.of(scene, bins), bins)
+
+
+def _scaled(steps: Generator[Progress, None, Result], low: float, high: float) -> Generator[Progress, None, Result]:
+    """Run one phase as the part from `low` to `high` of the whole."""
+    while True:
+        try:
+            progress = next(steps)
+        except StopIteration as end:
+            return end.value
+        yield replace(progress, fraction=low + (high - low) * progress.fraction)
+
+
+def _normalise(vectors: np.ndarray, share: Float32) -> tuple[np.ndarray, Float32]:
+    """Divide whole-cell means by the lit share; vertices with next to none become invalid."""
+    valid = share >= LEAST_LIT_SHARE
+    validity = np.where(valid, share, np.float32(0))
+    scale = np.where(valid, 1.0 / np.maximum(share, LEAST_LIT_SHARE), 0.0)
+    return vectors * scale[..., None, None, None], validity
+
+
+def _record(scene: Scene, settings: BakeSettings, emission: Emission) -> BakeRecord:
+    """Return the record of this bake."""
+    red, green, blue = (float(x) for x in emission.power)
+    return BakeRecord(
+        scene=scene.name,
+        checksum=checksum(replace(scene, notices=())),
+        settings=settings,
+        created=datetime.now(UTC).isoformat(timespec="seconds"),
+        version=VERSION,
+        emitted=(red, green, blue),
+    )
+
+
+def _statistics(settings: BakeSettings, emission: Emission, walk: Walk, grid: IrradianceVectorGrid) -> BakeStatistics:
+    """Gather numbers; the phases other than the photons' are filled in by the caller."""
+
+    def watts(share: np.ndarray) -> Vec3:
+        red, green, blue = (float(x) for x in share * emission.flux_scale)
+        return red, green, blue
+
+    return BakeStatistics(
+        photons=settings.photons,
+        rays=walk.rays,
+        emitted=watts(emission.power / emission.flux_scale),
+        absorbed=watts(walk.absorbed),
+        escaped=watts(walk.escaped),
+        cut=watts(walk.cut),
+        prepare_seconds=0.0,
+        photon_seconds=walk.seconds,
+        lit_seconds=0.0,
+        embree_seconds=walk.embree_seconds,
+        threads=thread_count(settings),
+        grid_bytes=grid.vectors.nbytes + grid.validity.nbytes,
+    )
+
+
+def _doubts(grid: IrradianceVectorGrid, walk: Walk) -> list[Notice]:
+    """Return warnings about the result as a whole."""
+    doubts = []
+    if not grid.validity.any() or not grid.vectors.any():
+        doubts.append(
+            Notice(
+                "warning",
+                "grid",
+                "no light reaches the grid: it lies inside a solid or outside of the lit room; move its bounds",
+            )
+        )
+    lost = float(walk.escaped.sum() / max(1e-30, (walk.escaped + walk.absorbed + walk.cut).sum()))
+    if lost > 0.9:
+        doubts.append(
+            Notice(
+                "warning",
+                "photons",
+                f"{lost:.0%} of the light left the scene without hitting anything twice; more photons lower the noise",
+            )
+        )
+    return doubts

@@ -1,0 +1,51 @@
+"""The one place where Numba is configured: how kernels are compiled and where they are kept.
+
+Every kernel of this package is compiled by `kernel`, so that they agree on semantics: no fast
+math (the same seed must give the same bits), the GIL released, machine code kept on disk.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+from .errors import DependencyError
+
+try:
+    import numba
+except Exception as error:  # a broken llvmlite raises OSError, a wrong numpy ImportError
+    raise DependencyError(
+        f"numba does not load ({error}): reinstall the extension for this Blender, "
+        "or `pip install numba` for this Python"
+    ) from error
+
+Kernel = TypeVar("Kernel", bound=Callable[..., Any])
+
+
+def set_cache_folder(folder: Path) -> None:
+    """Keep compiled kernels in `folder`; call it before the first kernel is defined.
+
+    Numba's own default is beside the code, which may be read-only and is no place for files.
+    """
+    numba.config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
+
+
+if not numba.config.CACHE_DIR:  # type: ignore[attr-defined]
+    set_cache_folder(
+        Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache", "irradiance_vector_grid")
+        if os.access(Path.home(), os.W_OK)
+        else Path(tempfile.gettempdir(), "irradiance_vector_grid")
+    )
+
+
+def kernel(function: Kernel) -> Kernel:
+    """Compile `function` with Numba: no Python objects, the GIL released, cached on disk."""
+    return cast(Kernel, numba.njit(nogil=True, cache=True, error_model="numpy")(function))
+
+
+def inlined(function: Kernel) -> Kernel:
+    """Compile a small function that kernels call; LLVM inlines it into them."""
+    return cast(Kernel, numba.njit(error_model="numpy")(function))

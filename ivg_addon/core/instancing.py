@@ -1,0 +1,282 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Meshes and where they stand, made into one list of triangles in world space.
+
+Embree's Python binding has no instances, so each instance's triangles are written out. What
+Blender hands over is kept as it comes (values per face corner, each mesh once) and expanded slice
+by slice, so that little more than the result is ever held.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import MemoryLimitError
+from .geometry_checks import sound_triangles, triangle_normals
+from .memory import require
+from .progress import Progress
+from .scene import Float32, Geometry, Int32
+
+Float64 = NDArray[np.float64]
+
+SLICE = 1 << 17
+"""Triangles or vertices that are treated at a time."""
+
+_BYTES_PER_TRIANGLE = 12 + 36 + 24 + 4 + 4
+_BYTES_PER_VERTEX = 12
+
+
+@dataclass(frozen=True)
+class MeshData:
+    """A mesh in its own space, as Blender stores it.
+
+    Parameters
+    ----------
+    positions : (nv, 3) float32
+    corner_vertex : (nc,) int32
+        Vertex of each face corner.
+    triangle_corners : (nt, 3) int32
+        Face corners of each triangle, counter-clockwise seen from the front.
+    corner_normals : (nc, 3) float32, or None
+        Shading normals; None where the whole mesh is shaded flat.
+    slot : (nt,) int32, or None
+        Material slot of each triangle; None means the first.
+    uv_maps
+        Texture coordinates (nc, 2) float32 by the name of their map; only those that are needed.
+    """
+
+    positions: Float32
+    corner_vertex: Int32
+    triangle_corners: Int32
+    corner_normals: Float32 | None = None
+    slot: Int32 | None = None
+    uv_maps: dict[str, Float32] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Instance:
+    """A mesh that stands somewhere.
+
+    Parameters
+    ----------
+    mesh
+        Index into the meshes.
+    object
+        Index into `scene.Scene.objects`.
+    matrix : (4, 4) float64
+        From the mesh's space to world space.
+    materials
+        For each slot, an index into `scene.Materials`, or `LIGHT_PASSES`.
+    uv_map
+        For each slot, the name of the UV map that its material reads, or None.
+    """
+
+    mesh: int
+    object: int
+    matrix: Float64
+    materials: tuple[int, ...]
+    uv_map: tuple[str | None, ...]
+
+
+LIGHT_PASSES = -1
+"""In place of a material: light passes through these faces, so they are left out."""
+
+
+@dataclass(frozen=True)
+class Flattened:
+    """The result.
+
+    Parameters
+    ----------
+    geometry
+        All triangles that can be lit.
+    dropped
+        Triangles without area, or with coordinates that are not finite, by object index.
+    unique_triangles
+        Triangles before they were repeated for instances.
+    """
+
+    geometry: Geometry
+    dropped: dict[int, int]
+    unique_triangles: int
+
+
+class _Store:
+    """Arrays of the final size, filled from the front."""
+
+    def __init__(self, vertices: int, triangles: int) -> None:
+        require(
+            vertices * _BYTES_PER_VERTEX + triangles * _BYTES_PER_TRIANGLE,
+            f"the scene's geometry ({triangles:,} triangles with all instances)",
+            "hide instances in renders, or lower their subdivision",
+        )
+        if max(vertices, triangles) > np.iinfo(np.int32).max:
+            raise MemoryLimitError(
+                f"the scene has {triangles:,} triangles with all instances, more than 32-bit indices "
+                "can count: hide instances in renders, or lower their subdivision"
+            )
+        self.vertices = np.empty((vertices, 3), dtype=np.float32)
+        self.triangles = np.empty((triangles, 3), dtype=np.int32)
+        self.corner_normals = np.empty((triangles, 3, 3), dtype=np.float32)
+        self.uvs = np.zeros((triangles, 3, 2), dtype=np.float32)
+        self.material = np.empty(triangles, dtype=np.int32)
+        self.object = np.empty(triangles, dtype=np.int32)
+        self.vertex_count = 0
+        self.count = 0
+
+    def geometry(self) -> Geometry:
+        n = self.count
+        return Geometry(
+            vertices=self.vertices,
+            triangles=self.triangles[:n],
+            corner_normals=self.corner_normals[:n],
+            uvs=self.uvs[:n],
+            material=self.material[:n],
+            object=self.object[:n],
+        )
+
+
+def flatten_steps(meshes: list[MeshData], instances: list[Instance]) -> Generator[Progress, None, Flattened]:
+    """Write out all instances' triangles, in world space.
+
+    An instance with a mirroring transform has its winding turned, so that the front of the mesh
+    stays the front, as in Cycles. Triangles that cannot be lit are left out and counted.
+
+    Raises
+    ------
+    MemoryLimitError
+        When the result does not fit.
+    """
+    triangles = sum(len(meshes[instance.mesh].triangle_corners) for instance in instances)
+    store = _Store(sum(len(meshes[instance.mesh].positions) for instance in instances), triangles)
+    dropped: dict[int, int] = {}
+    done = 0
+    for batch in _batches(meshes, instances):
+        first_vertex = _place_vertices(batch, store)
+        for part in _slices(len(batch.mesh.triangle_corners)):
+            lost = _place_triangles(batch, part, first_vertex, store)
+            for index in np.flatnonzero(lost):
+                name = int(batch.objects[index])
+                dropped[name] = dropped.get(name, 0) + int(lost[index])
+            done += len(batch.objects) * (part.stop - part.start)
+            yield Progress("Placing geometry", done / triangles)
+    used = {instance.mesh for instance in instances}
+    return Flattened(store.geometry(), dropped, sum(len(meshes[i].triangle_corners) for i in used))
+
+
+@dataclass(frozen=True)
+class _Batch:
+    """Instances of one mesh with the same materials, few enough to be treated at a time."""
+
+    mesh: MeshData
+    matrices: Float64
+    objects: Int32
+    materials: Int32
+    uv_map: tuple[str | None, ...]
+
+
+def _batches(meshes: list[MeshData], instances: list[Instance]) -> Iterator[_Batch]:
+    groups: dict[tuple[object, ...], list[Instance]] = {}
+    for instance in instances:
+        groups.setdefault((instance.mesh, instance.materials, instance.uv_map), []).append(instance)
+    for group in groups.values():
+        mesh = meshes[group[0].mesh]
+        size = max(1, SLICE // max(len(mesh.triangle_corners), len(mesh.positions), 1))
+        for start in range(0, len(group), size):
+            members = group[start : start + size]
+            yield _Batch(
+                mesh=mesh,
+                matrices=np.stack([instance.matrix for instance in members]),
+                objects=np.array([instance.object for instance in members], dtype=np.int32),
+                materials=np.array(members[0].materials, dtype=np.int32),
+                uv_map=members[0].uv_map,
+            )
+
+
+def _slices(count: int) -> Iterator[slice]:
+    for start in range(0, count, SLICE):
+        yield slice(start, min(start + SLICE, count))
+
+
+def _place_vertices(batch: _Batch, store: _Store) -> int:
+    """Write the vertices of k instances; return the index of the first.
+
+    Those that are not finite stay so: no triangle that is kept has them.
+    """
+    positions, k = batch.mesh.positions, len(batch.matrices)
+    first = store.vertex_count
+    store.vertex_count += k * len(positions)
+    placed = store.vertices[first : store.vertex_count].reshape(k, len(positions), 3)
+    linear, origin = batch.matrices[:, :3, :3], batch.matrices[:, None, :3, 3]
+    with np.errstate(invalid="ignore", over="ignore"):
+        for part in _slices(len(positions)):
+            placed[:, part] = positions[part].astype(np.float64) @ linear.transpose(0, 2, 1) + origin
+    return first
+
+
+def _place_triangles(batch: _Batch, part: slice, first_vertex: int, store: _Store) -> Int32:
+    """Write a slice of the triangles of k instances; return how many of each could not be lit, (k,)."""
+    mesh, k = batch.mesh, len(batch.matrices)
+    corners = mesh.triangle_corners[part]
+    mirrored = np.linalg.det(batch.matrices[:, :3, :3]) < 0.0
+    corners = np.where(mirrored[:, None, None], corners[:, [0, 2, 1]], corners)
+    firsts = first_vertex + len(mesh.positions) * np.arange(k, dtype=np.int32)
+    triangles = (mesh.corner_vertex[corners] + firsts[:, None, None]).reshape(-1, 3)
+    normals, areas = triangle_normals(store.vertices, triangles)
+    sound = sound_triangles(areas)
+
+    slot = np.zeros(corners.shape[1], dtype=np.int32) if mesh.slot is None else mesh.slot[part]
+    slot = np.tile(np.clip(slot, 0, len(batch.materials) - 1), k)
+    material = batch.materials[slot]
+    keep = sound & (material != LIGHT_PASSES)
+    chosen: slice | NDArray[np.bool_] = slice(None) if keep.all() else keep
+
+    into = slice(store.count, store.count + int(np.count_nonzero(keep)))
+    store.count = into.stop
+    store.triangles[into] = triangles[chosen]
+    store.material[into] = material[chosen]
+    store.object[into] = np.repeat(batch.objects, corners.shape[1])[chosen]
+    store.corner_normals[into] = _shading_normals(batch, corners, normals)[chosen]
+    _place_uvs(batch, corners.reshape(-1, 3)[chosen], slot[chosen], store.uvs[into])
+    return np.count_nonzero(~sound.reshape(k, -1), axis=1).astype(np.int32)
+
+
+def _place_uvs(batch: _Batch, corners: Int32, slot: Int32, uvs: Float32) -> None:
+    """Fill `uvs` (n, 3, 2), zero so far, from the map that each triangle's material reads."""
+    for index, name in enumerate(batch.uv_map):
+        coordinates = None if name is None else batch.mesh.uv_maps.get(name)
+        if coordinates is not None:
+            here = slot == index
+            uvs[here] = coordinates[corners[here]]
+
+
+def _shading_normals(batch: _Batch, corners: Int32, geometric: Float64) -> Float32:
+    """Return the unit shading normals (n, 3, 3) in world space of the triangles with `corners` (k, p, 3).
+
+    A normal is transformed by the matrix of cofactors: det(M) M⁻ᵀ, which exists for flattening
+    transforms too; the sign of det(M) is undone, as the winding is.
+    """
+    mesh = batch.mesh
+    repeated = np.broadcast_to(geometric[:, None, :], (len(geometric), 3, 3))
+    if mesh.corner_normals is None:
+        return repeated.astype(np.float32)
+    k, p = corners.shape[:2]
+    transforms = np.stack([_cofactors(matrix[:3, :3]) for matrix in batch.matrices])
+    with np.errstate(invalid="ignore", over="ignore"):
+        smooth = mesh.corner_normals[corners].astype(np.float64).reshape(k, -1, 3)
+        smooth = (smooth @ transforms.transpose(0, 2, 1)).reshape(k * p, 3, 3)
+        length = np.sqrt(np.einsum("ijk,ijk->ij", smooth, smooth))
+        usable = np.isfinite(length) & (length > 0.0)
+        smooth /= np.where(usable, length, 1.0)[:, :, None]
+    return np.where(usable[:, :, None], smooth, repeated).astype(np.float32)
+
+
+def _cofactors(linear: Float64) -> Float64:
+    """Return the cofactor matrix, scaled to about one, its sign that of a rotation."""
+    scale = np.abs(linear).max()
+    x, y, z = unit = linear / (scale if scale > 0.0 else 1.0)
+    cofactors = np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)])
+    return np.asarray(-cofactors if np.linalg.det(unit) < 0.0 else cofactors)

@@ -1,0 +1,283 @@
+"""Which share of each dual cell light can reach.
+
+A cell that a wall or a solid cuts averages where no light is. Its tally is therefore divided by
+its lit volume, found with points spread through the cell: random rays from the point tell by the
+first surface that they meet, from knowledge that falls out of the photon walk:
+
+* a side that received many photons: the point is lit;
+* a side that received none while its other side did: the point is behind or inside something;
+* a side that received a few: perhaps a dim room, perhaps a leak (at an edge, rounding lets one
+  photon in ten million through); the point is lit if no other ray knows better;
+* neither side received any: this tells nothing (a leaf too small to be hit, the gap under a box);
+* nothing: lit where a world shines, else this tells nothing.
+
+Rays are sent until one decides, `_MOST_RAYS` at most.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Generator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .compiled import inlined, kernel
+from .dual_cells import Lattice
+from .embree import MISS, Tracer
+from .progress import Progress
+from .random import STREAM_LIT_VOLUME, random4
+from .scene import Float32, Geometry, Int32
+from .surface_bins import BACK, FRONT, SurfaceBins, patch_of
+from .vectors import sphere_direction
+
+_MOST_RAYS = 16
+_PROBES = 8
+"""Points in a cell that no geometry cuts: it is lit as a whole or not at all."""
+_BATCH = 1 << 17
+
+MANY_PHOTONS = 16
+"""So many on a patch of surface are no leak."""
+LEAK_RATIO = 1e-4
+"""A side that received less than this share of what its other side received counts as unlit."""
+
+UNKNOWN = -1
+UNLIT = 0
+LIT = 1
+PERHAPS_LIT = 2
+
+
+@kernel
+def mark_cut_cells(vertices, triangles, low, voxel, counts, cut):
+    """Set cut (Ni+1, Nj+1, Nk+1) bool for each dual cell that a triangle's plane and box meet.
+
+    Conservative: a cell near a triangle's edge may be marked without being cut, which costs time
+    and nothing else.
+    """
+    for triangle in range(len(triangles)):
+        p = np.empty((3, 3))
+        for c in range(3):
+            for axis in range(3):
+                # In voxels, so that dual cell i spans [i − ½, i + ½].
+                p[c, axis] = (vertices[triangles[triangle, c], axis] - low[axis]) / voxel[axis]
+        first = np.empty(3, dtype=np.int64)
+        last = np.empty(3, dtype=np.int64)
+        for axis in range(3):
+            lowest = min(p[0, axis], min(p[1, axis], p[2, axis]))
+            highest = max(p[0, axis], max(p[1, axis], p[2, axis]))
+            # Clamped as floats: a far triangle's index may not fit an integer.
+            first[axis] = int(np.ceil(min(max(lowest - 0.5, -1.0), counts[axis] + 0.0)))
+            last[axis] = int(np.floor(max(min(highest + 0.5, counts[axis] + 0.0), -1.0)))
+            first[axis] = max(first[axis], 0)
+            last[axis] = min(last[axis], counts[axis] - 1)
+        nx, ny, nz = _cross(p)
+        reach = 0.5 * (abs(nx) + abs(ny) + abs(nz)) * (1.0 + 1e-6)
+        plane = nx * p[0, 0] + ny * p[0, 1] + nz * p[0, 2]
+        for i in range(first[0], last[0] + 1):
+            for j in range(first[1], last[1] + 1):
+                for k in range(first[2], last[2] + 1):
+                    if abs(nx * i + ny * j + nz * k - plane) <= reach:
+                        cut[i, j, k] = True
+
+
+@inlined
+def _cross(p):
+    """Return the (unnormalised) normal of a triangle p (3 corners, 3)."""
+    ax, ay, az = p[1, 0] - p[0, 0], p[1, 1] - p[0, 1], p[1, 2] - p[0, 2]
+    bx, by, bz = p[2, 0] - p[0, 0], p[2, 1] - p[0, 1], p[2, 2] - p[0, 2]
+    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+
+
+# The generalised golden ratio in three dimensions: 1/g, 1/g², 1/g³ with g⁴ = g + 1 make an additive
+# sequence of low discrepancy (Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences").
+_G = 1.2207440846057596
+_R3 = (1.0 / _G, 1.0 / _G**2, 1.0 / _G**3)
+
+
+@kernel
+def spread_points(cells, first_point, count, seed, low, voxel, counts, origins):
+    """Fill origins with points first_point … + count − 1 of each cell, cell after cell.
+
+    The points of a cell are a low-discrepancy sequence with a random shift of its own.
+
+    Parameters
+    ----------
+    cells : (n,) int64
+        Flat vertex indices.
+    origins : (n · count, 3) float32
+        Changed in place.
+    """
+    for index in range(len(cells)):
+        vertex = cells[index]
+        ijk = (
+            vertex // (counts[1] * counts[2]),
+            vertex // counts[2] % counts[1],
+            vertex % counts[2],
+        )
+        shift = random4(seed, vertex, STREAM_LIT_VOLUME)
+        for point in range(count):
+            row = index * count + point
+            for axis in range(3):
+                x = shift[axis] + (first_point + point + 1) * _R3[axis]
+                x -= np.floor(x)
+                a = max(ijk[axis] - 0.5, 0.0)
+                b = min(ijk[axis] + 0.5, counts[axis] - 1.0)
+                origins[row, axis] = np.float32(low[axis] + (a + (b - a) * x) * voxel[axis])
+
+
+@kernel
+def spread_directions(identifiers, attempt, seed, directions):
+    """Fill directions (n, 3) float32 with uniform directions addressed by (identifier, attempt)."""
+    for row in range(len(identifiers)):
+        u, v, _, _ = random4(seed, identifiers[row], STREAM_LIT_VOLUME + 1 + attempt)
+        x, y, z = sphere_direction(u, v)
+        directions[row, 0] = np.float32(x)
+        directions[row, 1] = np.float32(y)
+        directions[row, 2] = np.float32(z)
+
+
+@inlined
+def _normal_dot(vertices, triangles, triangle, dx, dy, dz):
+    """Return the sign-carrying product of a direction with a triangle's normal."""
+    p = np.empty((3, 3))
+    for c in range(3):
+        for axis in range(3):
+            p[c, axis] = vertices[triangles[triangle, c], axis]
+    nx, ny, nz = _cross(p)
+    return dx * nx + dy * ny + dz * nz
+
+
+@kernel
+def judge(
+    directions, hit_triangle, hit_u, hit_v, vertices, triangles, divisions, offset, bin_counts, world_shines, verdict
+):
+    """Fill verdict (n,) int8 with `LIT`, `UNLIT`, `PERHAPS_LIT` or `UNKNOWN` for each ray."""
+    for ray in range(len(hit_triangle)):
+        triangle = hit_triangle[ray]
+        if triangle == MISS:
+            verdict[ray] = LIT if world_shines else UNKNOWN
+            continue
+        along = _normal_dot(
+            vertices,
+            triangles,
+            triangle,
+            directions[ray, 0],
+            directions[ray, 1],
+            directions[ray, 2],
+        )
+        side = FRONT if along < 0.0 else BACK
+        patch = patch_of(triangle, hit_u[ray], hit_v[ray], divisions, offset)
+        verdict[ray] = side_verdict(bin_counts[patch, side], bin_counts[patch, 1 - side])
+
+
+@inlined
+def side_verdict(here, beyond):
+    """Judge a ray that met a side which received `here` photons, its other side `beyond`."""
+    if here > LEAK_RATIO * beyond:
+        return LIT if here >= MANY_PHOTONS else PERHAPS_LIT
+    return UNLIT if beyond > 0 else UNKNOWN
+
+
+@dataclass(frozen=True)
+class LightKnowledge:
+    """What the photon walk found out about a scene's surfaces.
+
+    Parameters
+    ----------
+    geometry, tracer
+        The surfaces that diffuse rays see.
+    bins, bin_counts
+        Patches of the surfaces and the photons received by each of their sides.
+    world_shines
+        True when rays that meet nothing find light.
+    """
+
+    geometry: Geometry
+    tracer: Tracer
+    bins: SurfaceBins
+    bin_counts: Int32
+    world_shines: bool
+
+    def lit(self, points: Float32, identifiers: NDArray[np.int64], seed: int) -> NDArray[np.bool_]:
+        """Tell for n points (n, 3) whether light can reach them.
+
+        `identifiers` (n,) int64 address the random rays, so that the answer does not depend on
+        how points are batched.
+        """
+        lit = np.zeros(len(points), dtype=bool)
+        open_rows = np.arange(len(points))
+        for attempt in range(_MOST_RAYS):
+            origins = np.ascontiguousarray(points[open_rows])
+            directions = np.empty_like(origins)
+            spread_directions(identifiers[open_rows], attempt, seed, directions)
+            hits = self.tracer.intersect(origins, directions)
+            verdict = np.empty(len(open_rows), dtype=np.int8)
+            judge(
+                directions,
+                hits.triangle,
+                hits.u,
+                hits.v,
+                self.geometry.vertices,
+                self.geometry.triangles,
+                self.bins.divisions,
+                self.bins.offset,
+                self.bin_counts,
+                self.world_shines,
+                verdict,
+            )
+            lit[open_rows[(verdict == LIT) | (verdict == PERHAPS_LIT)]] = True
+            lit[open_rows[verdict == UNLIT]] = False
+            open_rows = open_rows[(verdict == UNKNOWN) | (verdict == PERHAPS_LIT)]
+            if len(open_rows) == 0:
+                break
+        return lit
+
+
+def lit_share_steps(
+    knowledge: LightKnowledge, lattice: Lattice, points: int, seed: int, threads: int
+) -> Generator[Progress, None, Float32]:
+    """Return the lit share of every dual cell, (Ni+1, Nj+1, Nk+1) float32; yields as it goes.
+
+    Cells that geometry cuts get `points` points, the others a few: they are wholly lit or not.
+    """
+    low = np.asarray(lattice.bounds_min, dtype=np.float64)
+    counts = np.asarray(lattice.shape, dtype=np.int64)
+    cut = np.zeros(lattice.shape, dtype=bool)
+    geometry = knowledge.geometry
+    mark_cut_cells(geometry.vertices, geometry.triangles, low, lattice.voxel_size, counts, cut)
+
+    share = np.zeros(lattice.vertex_count, dtype=np.float32)
+
+    def measure(cells: NDArray[np.int64], per_cell: int) -> tuple[NDArray[np.int64], Float32]:
+        origins = np.empty((len(cells) * per_cell, 3), dtype=np.float32)
+        spread_points(cells, 0, per_cell, seed, low, lattice.voxel_size, counts, origins)
+        identifiers = (cells[:, None] * per_cell + np.arange(per_cell)).reshape(-1)
+        lit = knowledge.lit(origins, identifiers, seed)
+        return cells, lit.reshape(len(cells), per_cell).mean(axis=1, dtype=np.float32)
+
+    jobs = [
+        *_jobs(np.flatnonzero(~cut), _PROBES),
+        *_jobs(np.flatnonzero(cut), points),
+    ]
+    with ThreadPoolExecutor(threads or os.cpu_count(), thread_name_prefix="ivg-lit") as pool:
+        futures = [pool.submit(measure, *job) for job in jobs]
+        try:
+            for done, future in zip(itertools.count(1), futures):
+                cells, lit = future.result()
+                share[cells] = lit
+                yield Progress("Measuring lit volumes", done / len(jobs))
+        finally:
+            for future in futures:
+                future.cancel()
+    uncut = ~cut.reshape(-1)
+    share[uncut] = share[uncut] >= 0.5
+    return share.reshape(lattice.shape)
+
+
+def _jobs(cells: NDArray[np.int64], per_cell: int) -> list[tuple[NDArray[np.int64], int]]:
+    """Divide cells into batches of about `_BATCH` points."""
+    size = max(1, _BATCH // per_cell)
+    return [(cells[start : start + size], per_cell) for start in range(0, len(cells), size)]

@@ -1,0 +1,34 @@
+"""How much memory there is, and a clear refusal before more is asked for."""
+
+from __future__ import annotations
+
+import psutil
+
+from .errors import MemoryLimitError
+
+
+def human(size: float) -> str:
+    """Return a size in bytes for people: ``1.5 GiB``."""
+    for unit in ("bytes", "KiB", "MiB"):
+        if size < 1024:
+            return f"{size:.0f} {unit}"
+        size /= 1024
+    return f"{size:.1f} GiB"
+
+
+def require(size: int, what: str, cure: str) -> None:
+    """Raise `MemoryLimitError` when `size` bytes are more than this machine has to give."""
+    available = psutil.virtual_memory().available
+    if size > 0.9 * available:
+        raise MemoryLimitError(f"{what} needs {human(size)} of memory, of which {human(available)} are free: {cure}")
+
+
+def peak() -> int:
+    """Return the most memory that this process has held so far, bytes."""
+    if psutil.WINDOWS:
+        info = psutil.Process().memory_info()
+        return int(getattr(info, "peak_wset"))  # noqa: B009 (a field that only Windows has)
+    import resource
+
+    usage = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return int(usage if psutil.MACOS else usage * 1024)

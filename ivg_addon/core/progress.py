@@ -1,0 +1,28 @@
+"""What a long computation tells while it runs.
+
+Long work is a generator: it yields a `Progress` after every small step, returns its result, and
+is cancelled by closing it. Whoever drives it decides how to show it and when to stop.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Progress:
+    """A moment of a long computation.
+
+    Parameters
+    ----------
+    task
+        What is being done, for people: "Tracing photons".
+    fraction
+        Share of the whole work that is done, 0 to 1.
+    seconds_left
+        Estimate for the whole work, or None while nothing is known.
+    """
+
+    task: str
+    fraction: float
+    seconds_left: float | None = None

@@ -1,0 +1,67 @@
+"""Where photons landed: counts per side of small patches of the surfaces.
+
+The lit-volume estimate asks whether a side of a surface received light. A triangle may be much
+larger than a voxel (a floor that reaches under a wall and out of the house), so it is divided into
+patches of about a voxel's size, in barycentric coordinates.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .compiled import inlined
+from .scene import Geometry, Int32
+
+FRONT = 0
+BACK = 1
+
+_MOST_DIVISIONS = 64
+
+
+@dataclass(frozen=True)
+class SurfaceBins:
+    """How each triangle is divided into patches.
+
+    Parameters
+    ----------
+    divisions : (nt,) int32
+        d: the triangle has d² patches, d along each barycentric axis.
+    offset : (nt,) int64
+        Index of the triangle's first patch.
+    count
+        Patches in all.
+    """
+
+    divisions: Int32
+    offset: NDArray[np.int64]
+    count: int
+
+    @classmethod
+    def of(cls, geometry: Geometry, patch_size: float) -> SurfaceBins:
+        """Divide every triangle into patches whose edges are about `patch_size` metres or less."""
+        corners = geometry.vertices[geometry.triangles]
+        edges = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]])
+        longest = np.sqrt((edges.astype(np.float64) ** 2).sum(axis=-1)).max(axis=0)
+        divisions = np.clip(np.ceil(longest / patch_size), 1, _MOST_DIVISIONS).astype(np.int32)
+        patches = divisions.astype(np.int64) ** 2
+        return cls(
+            divisions=divisions,
+            offset=np.cumsum(patches) - patches,
+            count=int(patches.sum()),
+        )
+
+    def empty_counts(self) -> Int32:
+        """Return (patches, 2) zeros: photons received on the front and on the back."""
+        return np.zeros((self.count, 2), dtype=np.int32)
+
+
+@inlined
+def patch_of(triangle, u, v, divisions, offset):
+    """Return the index of the patch at barycentric coordinates u, v of a triangle."""
+    d = divisions[triangle]
+    a = min(int(u * d), d - 1)
+    b = min(int(v * d), d - 1)
+    return offset[triangle] + a * d + b
