@@ -24,10 +24,10 @@ from .memory import require
 from .photon_walk import Course, Walk, thread_count, walk_steps
 from .progress import Progress
 from .report import Notice, merge
-from .scattering import Surfaces
 from .scene import Float32, Scene
 from .settings import BakeSettings, Estimator, Vec3
 from .surface_bins import SurfaceBins
+from .surfaces import Surfaces
 from .tally import Tally
 from .version import VERSION
 
@@ -211,7 +211,8 @@ def _scaled(steps: Generator[Progress, None, Result], low: float, high: float) -
         try:
             progress = next(steps)
         except StopIteration as end:
-            return end.value
+            result: Result = end.value
+            return result
         yield replace(progress, fraction=low + (high - low) * progress.fraction)
 
 

@@ -23,10 +23,11 @@ from .dual_cells import Lattice
 from .embree import Tracer
 from .emission import Emission, leave_darkness
 from .progress import Progress
-from .scattering import ABSORBED, CUT, ENERGY_STEPS, ESCAPED, Surfaces, scatter
+from .scattering import ABSORBED, CUT, ENERGY_STEPS, ESCAPED, scatter
 from .scene import Int32
 from .settings import BakeSettings
 from .surface_bins import SurfaceBins
+from .surfaces import Surfaces
 from .tally import Tally
 
 BATCH = 1 << 16

@@ -13,19 +13,16 @@ q = min(1, max(w')), with weight w'/q: the expectation is w', and weights stay o
 
 from __future__ import annotations
 
-import math
-from typing import NamedTuple
-
 import numpy as np
-from numpy.typing import NDArray
 
-from .compiled import inlined, kernel
+from .compiled import kernel, merged
 from .embree import MISS
 from .random import STREAM_SCATTER, random4
-from .scene import Float32, Int32, Scene
-from .surface_bins import BACK, FRONT, SurfaceBins, patch_of
+from .scene import NO_TEXTURE
+from .surface_bins import BACK, FRONT, patch_of
+from .surfaces import corner, shading_normal, texture_coordinates
 from .tally import WEIGHT_LIMIT
-from .textures import TexturePool, pack_textures, surface_albedo
+from .textures import surface_albedo
 from .vectors import cosine_direction, offset_distance
 
 ENERGY_STEPS = float(1 << 30)
@@ -36,89 +33,6 @@ ABSORBED = 1
 CUT = 2
 """Rows of the energy sums: left the scene, absorbed by surfaces, still alive after the last
 bounce."""
-
-
-class Surfaces(NamedTuple):
-    """The scene's surfaces as kernels see them; fields as in `scene.Geometry` and `Materials`.
-
-    reflects : (nt,) bool
-        False for triangles that absorb all: diffuse rays do not see them.
-    bin_divisions : (nt,) int32, bin_offset : (nt,) int64
-        See `surface_bins.SurfaceBins`.
-    """
-
-    vertices: Float32
-    triangles: Int32
-    corner_normals: Float32
-    uvs: Float32
-    material: Int32
-    reflects: NDArray[np.bool_]
-    albedo: Float32
-    texture: Int32
-    pool: TexturePool
-    bin_divisions: Int32
-    bin_offset: NDArray[np.int64]
-
-    @classmethod
-    def of(cls, scene: Scene, bins: SurfaceBins) -> Surfaces:
-        """Gather a scene's surfaces."""
-        geometry = scene.geometry
-        return cls(
-            vertices=geometry.vertices,
-            triangles=geometry.triangles,
-            corner_normals=geometry.corner_normals,
-            uvs=geometry.uvs,
-            material=geometry.material,
-            reflects=scene.diffuse_visible[geometry.object],
-            albedo=scene.materials.albedo,
-            texture=scene.materials.texture,
-            pool=pack_textures(scene.textures),
-            bin_divisions=bins.divisions,
-            bin_offset=bins.offset,
-        )
-
-
-@inlined
-def corner(vertices, triangles, triangle, index):
-    """Return a triangle's corner as three float64."""
-    vertex = triangles[triangle, index]
-    return float(vertices[vertex, 0]), float(vertices[vertex, 1]), float(vertices[vertex, 2])
-
-
-@inlined
-def unit_normal(p, q, r):
-    """Return the unit normal (p, q, r counter-clockwise) and the triangle's longest edge at p."""
-    ax, ay, az = q[0] - p[0], q[1] - p[1], q[2] - p[2]
-    bx, by, bz = r[0] - p[0], r[1] - p[1], r[2] - p[2]
-    nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-    length = math.sqrt(nx * nx + ny * ny + nz * nz)
-    extent = math.sqrt(max(ax * ax + ay * ay + az * az, bx * bx + by * by + bz * bz))
-    if length == 0.0:
-        return 0.0, 0.0, 1.0, extent
-    return nx / length, ny / length, nz / length, extent
-
-
-@inlined
-def shading_normal(corner_normals, triangle, u, v):
-    """Return the interpolated unit normal on the front side at barycentric coordinates u, v."""
-    w = 1.0 - u - v
-    x = w * corner_normals[triangle, 0, 0] + u * corner_normals[triangle, 1, 0] + v * corner_normals[triangle, 2, 0]
-    y = w * corner_normals[triangle, 0, 1] + u * corner_normals[triangle, 1, 1] + v * corner_normals[triangle, 2, 1]
-    z = w * corner_normals[triangle, 0, 2] + u * corner_normals[triangle, 1, 2] + v * corner_normals[triangle, 2, 2]
-    length = math.sqrt(x * x + y * y + z * z)
-    if length == 0.0:
-        return 0.0, 0.0, 0.0
-    return x / length, y / length, z / length
-
-
-@inlined
-def texture_coordinates(uvs, triangle, u, v):
-    """Return the texture coordinates at barycentric coordinates u, v."""
-    w = 1.0 - u - v
-    return (
-        w * uvs[triangle, 0, 0] + u * uvs[triangle, 1, 0] + v * uvs[triangle, 2, 0],
-        w * uvs[triangle, 0, 1] + u * uvs[triangle, 1, 1] + v * uvs[triangle, 2, 1],
-    )
 
 
 @kernel
@@ -164,6 +78,10 @@ def scatter(
     int
         The number of survivors.
     """
+    vertices, triangles, planes = surfaces.vertices, surfaces.triangles, surfaces.planes
+    smooth, material, reflects = surfaces.smooth, surfaces.material, surfaces.reflects
+    albedo, texture = surfaces.albedo, surfaces.texture
+    bin_divisions, bin_offset = surfaces.bin_divisions, surfaces.bin_offset
     alive = 0
     for ray in range(len(photons)):
         triangle = hit_triangle[ray]
@@ -172,27 +90,28 @@ def scatter(
             _add_energy(energy, ESCAPED, w0, w1, w2)
             continue
         u, v = float(hit_u[ray]), float(hit_v[ray])
-        p = corner(surfaces.vertices, surfaces.triangles, triangle, 0)
-        q = corner(surfaces.vertices, surfaces.triangles, triangle, 1)
-        r = corner(surfaces.vertices, surfaces.triangles, triangle, 2)
-        gx, gy, gz, extent = unit_normal(p, q, r)
+        gx, gy, gz = float(planes[triangle, 0]), float(planes[triangle, 1]), float(planes[triangle, 2])
         dx, dy, dz = float(directions[ray, 0]), float(directions[ray, 1]), float(directions[ray, 2])
         cos_g = -(dx * gx + dy * gy + dz * gz)
         side = FRONT if cos_g > 0.0 else BACK
-        patch = patch_of(triangle, u, v, surfaces.bin_divisions, surfaces.bin_offset)
-        bin_counts[patch, side] += 1
-        if not surfaces.reflects[triangle]:
+        bin_counts[patch_of(triangle, u, v, bin_divisions, bin_offset), side] += 1
+        if not reflects[triangle]:
             _add_energy(energy, ABSORBED, w0, w1, w2)
             continue
 
-        # ρ max(0, ω·s) / (ω·g): both cosines change sign on the back side, their ratio does not.
-        sx, sy, sz = shading_normal(surfaces.corner_normals, triangle, u, v)
-        factor = max(0.0, -(dx * sx + dy * sy + dz * sz) / cos_g) if cos_g != 0.0 else 0.0
-        s, t = texture_coordinates(surfaces.uvs, triangle, u, v)
-        red, green, blue = surface_albedo(
-            surfaces.material[triangle], s, t, surfaces.albedo, surfaces.texture, surfaces.pool
-        )
-        r0, r1, r2 = w0 * red * factor, w1 * green * factor, w2 * blue * factor
+        # The textures' arrays are touched only where there is one: Numba counts references to them.
+        surface = material[triangle]
+        red, green, blue = float(albedo[surface, 0]), float(albedo[surface, 1]), float(albedo[surface, 2])
+        if texture[surface] != NO_TEXTURE:
+            s, t = texture_coordinates(surfaces.uvs, triangle, u, v)
+            red, green, blue = surface_albedo(surface, s, t, albedo, texture, surfaces.pool)
+        r0, r1, r2 = w0 * red, w1 * green, w2 * blue
+        if smooth[triangle]:
+            # max(0, ω·s) / (ω·g): both cosines change sign on the back side, their ratio does not.
+            sx, sy, sz = shading_normal(surfaces.corner_normals, triangle, u, v)
+            cos_s = -(dx * sx + dy * sy + dz * sz)
+            factor = max(0.0, cos_s / cos_g) if cos_g != 0.0 else 0.0
+            r0, r1, r2 = r0 * factor, r1 * factor, r2 * factor
         largest = max(r0, max(r1, r2))
         if largest > WEIGHT_LIMIT:
             # Grazing hits on a coarse smooth mesh, several in a row: too rare to be measured.
@@ -209,11 +128,14 @@ def scatter(
 
         if side == BACK:
             gx, gy, gz = -gx, -gy, -gz
+        p = corner(vertices, triangles, triangle, 0)
+        q = corner(vertices, triangles, triangle, 1)
+        r = corner(vertices, triangles, triangle, 2)
         w = 1.0 - u - v
         x = w * p[0] + u * q[0] + v * r[0]
         y = w * p[1] + u * q[1] + v * r[1]
         z = w * p[2] + u * q[2] + v * r[2]
-        away = offset_distance(x, y, z, extent)
+        away = offset_distance(x, y, z, float(planes[triangle, 3]))
         ox, oy, oz = cosine_direction(gx, gy, gz, xi_u, xi_v)
         photons[alive] = photons[ray]
         _store(origins, alive, x + away * gx, y + away * gy, z + away * gz)
@@ -223,7 +145,7 @@ def scatter(
     return alive
 
 
-@inlined
+@merged
 def _store(rows, row, x, y, z):
     """Write one float32 row."""
     rows[row, 0] = np.float32(x)
@@ -231,7 +153,7 @@ def _store(rows, row, x, y, z):
     rows[row, 2] = np.float32(z)
 
 
-@inlined
+@merged
 def _add_energy(energy, row, red, green, blue):
     """Add a weight to one row of the energy sums."""
     energy[row, 0] += np.int64(red * ENERGY_STEPS)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiled import inlined
+from .compiled import merged
 from .scene import Geometry, Int32
 
 FRONT = 0
@@ -58,7 +58,7 @@ class SurfaceBins:
         return np.zeros((self.count, 2), dtype=np.int32)
 
 
-@inlined
+@merged
 def patch_of(triangle, u, v, divisions, offset):
     """Return the index of the patch at barycentric coordinates u, v of a triangle."""
     d = divisions[triangle]

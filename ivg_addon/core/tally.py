@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiled import inlined, kernel
+from .compiled import inlined, kernel, merged
 from .dual_cells import Lattice
 from .settings import Estimator
 
@@ -37,28 +37,24 @@ WEIGHT_LIMIT = 16.0
 _SQRT3 = math.sqrt(3.0)
 
 
-@inlined
-def clip_to_box(ox, oy, oz, dx, dy, dz, length, low, high):
+@merged
+def clip_to_box(o, inverse, length, low, high):
     """Return the interval (t₀, t₁) of the segment o + t·d, 0 ≤ t ≤ length, inside the box.
 
-    Empty when t₀ ≥ t₁. `low`, `high` are the box's corners; the slab method with zero
-    components of d handled apart, so that no 0·∞ arises.
+    Empty when t₀ ≥ t₁. `o` and `inverse` = 1/d are tuples, `low` and `high` the box's corners. The
+    slab method, with zero components of d handled apart, so that no 0·∞ arises.
     """
     t0 = 0.0
     t1 = length
     for axis in range(3):
-        o = ox if axis == 0 else (oy if axis == 1 else oz)
-        d = dx if axis == 0 else (dy if axis == 1 else dz)
-        if d == 0.0:
-            if o < low[axis] or o > high[axis]:
-                return 1.0, 0.0
+        if math.isinf(inverse[axis]):
+            if o[axis] < low[axis] or o[axis] > high[axis]:
+                t1 = -1.0
         else:
-            near = (low[axis] - o) / d
-            far = (high[axis] - o) / d
-            if near > far:
-                near, far = far, near
-            t0 = max(t0, near)
-            t1 = min(t1, far)
+            near = (low[axis] - o[axis]) * inverse[axis]
+            far = (high[axis] - o[axis]) * inverse[axis]
+            t0 = max(t0, min(near, far))
+            t1 = min(t1, max(near, far))
     return t0, t1
 
 
@@ -86,31 +82,29 @@ def deposit_track_length(origins, directions, weights, lengths, low, high, voxel
     sums : (vertices · 8 · 9,) int64
         Changed in place.
     """
-    stride_y = counts[2]
-    stride_x = counts[1] * counts[2]
+    stride_y = counts[2] * 72
+    stride_x = counts[1] * stride_y
     for ray in range(len(lengths)):
-        ox, oy, oz = float(origins[ray, 0]), float(origins[ray, 1]), float(origins[ray, 2])
-        dx, dy, dz = float(directions[ray, 0]), float(directions[ray, 1]), float(directions[ray, 2])
-        t, t_end = clip_to_box(ox, oy, oz, dx, dy, dz, float(lengths[ray]), low, high)
+        o = (float(origins[ray, 0]), float(origins[ray, 1]), float(origins[ray, 2]))
+        d = (float(directions[ray, 0]), float(directions[ray, 1]), float(directions[ray, 2]))
+        inverse = (1.0 / d[0], 1.0 / d[1], 1.0 / d[2])
+        t, t_end = clip_to_box(o, inverse, float(lengths[ray]), low, high)
         if not t < t_end:
             continue
         # ω = −d; the nine products are constant along the flight.
-        red, green, blue = weights[ray, 0] * scale, weights[ray, 1] * scale, weights[ray, 2] * scale
-        p0, p1, p2 = -red * dx, -red * dy, -red * dz
-        p3, p4, p5 = -green * dx, -green * dy, -green * dz
-        p6, p7, p8 = -blue * dx, -blue * dy, -blue * dz
-        octant = (1 if dx < 0 else 0) + (2 if dy < 0 else 0) + (4 if dz < 0 else 0)
+        red, green, blue = -weights[ray, 0] * scale, -weights[ray, 1] * scale, -weights[ray, 2] * scale
+        p0, p1, p2 = red * d[0], red * d[1], red * d[2]
+        p3, p4, p5 = green * d[0], green * d[1], green * d[2]
+        p6, p7, p8 = blue * d[0], blue * d[1], blue * d[2]
+        octant = (1 if d[0] < 0 else 0) + (2 if d[1] < 0 else 0) + (4 if d[2] < 0 else 0)
 
         # Amanatides & Woo's walk, over dual cells: boundaries lie at half voxels.
-        i = first_cell((ox + t * dx - low[0]) / voxel[0] + 0.5, counts[0])
-        j = first_cell((oy + t * dy - low[1]) / voxel[1] + 0.5, counts[1])
-        k = first_cell((oz + t * dz - low[2]) / voxel[2] + 0.5, counts[2])
-        step_x, next_x, delta_x = _axis_walk(i, ox, dx, low[0], voxel[0])
-        step_y, next_y, delta_y = _axis_walk(j, oy, dy, low[1], voxel[1])
-        step_z, next_z, delta_z = _axis_walk(k, oz, dz, low[2], voxel[2])
-        slot = ((i * stride_x + j * stride_y + k) * 8 + octant) * 9
-        step_x *= stride_x * 72
-        step_y *= stride_y * 72
+        i, step_x, next_x, delta_x = _axis_walk(t, o[0], d[0], inverse[0], low[0], voxel[0], counts[0])
+        j, step_y, next_y, delta_y = _axis_walk(t, o[1], d[1], inverse[1], low[1], voxel[1], counts[1])
+        k, step_z, next_z, delta_z = _axis_walk(t, o[2], d[2], inverse[2], low[2], voxel[2], counts[2])
+        slot = i * stride_x + j * stride_y + k * 72 + octant * 9
+        step_x *= stride_x
+        step_y *= stride_y
         step_z *= 72
         while True:
             t_next = min(next_x, min(next_y, next_z))
@@ -128,25 +122,23 @@ def deposit_track_length(origins, directions, weights, lengths, low, high, voxel
             if t_next >= t_end:
                 break
             t = t_next
-            if next_x <= t_next:
-                slot += step_x
-                next_x += delta_x
-            elif next_y <= t_next:
-                slot += step_y
-                next_y += delta_y
-            else:
-                slot += step_z
-                next_z += delta_z
+            # Without branches, which would be mispredicted every other cell.
+            at_x, at_y, at_z = next_x <= t_next, next_y <= t_next, next_z <= t_next
+            slot += (step_x if at_x else 0) + (step_y if at_y else 0) + (step_z if at_z else 0)
+            next_x += delta_x if at_x else 0.0
+            next_y += delta_y if at_y else 0.0
+            next_z += delta_z if at_z else 0.0
 
 
 @inlined
-def _axis_walk(cell, o, d, low, voxel):
-    """Return (step, t of the next dual-cell boundary, t between boundaries) along one axis."""
+def _axis_walk(t, o, d, inverse, low, voxel, count):
+    """Return (cell at t, step, t of the next dual-cell boundary, t between boundaries) of an axis."""
+    cell = first_cell((o + t * d - low) / voxel + 0.5, count)
     if d > 0.0:
-        return 1, (low + (cell + 0.5) * voxel - o) / d, voxel / d
+        return cell, 1, (low + (cell + 0.5) * voxel - o) * inverse, voxel * inverse
     if d < 0.0:
-        return -1, (low + (cell - 0.5) * voxel - o) / d, -voxel / d
-    return 0, math.inf, math.inf
+        return cell, -1, (low + (cell - 0.5) * voxel - o) * inverse, -voxel * inverse
+    return cell, 0, math.inf, math.inf
 
 
 @kernel
@@ -161,7 +153,8 @@ def deposit_crossings(origins, directions, weights, lengths, low, high, voxel, c
     for ray in range(len(lengths)):
         o = (float(origins[ray, 0]), float(origins[ray, 1]), float(origins[ray, 2]))
         d = (float(directions[ray, 0]), float(directions[ray, 1]), float(directions[ray, 2]))
-        t0, t1 = clip_to_box(o[0], o[1], o[2], d[0], d[1], d[2], float(lengths[ray]), low, high)
+        inverse = (1.0 / d[0], 1.0 / d[1], 1.0 / d[2])
+        t0, t1 = clip_to_box(o, inverse, float(lengths[ray]), low, high)
         if not t0 < t1:
             continue
         for axis in range(3):

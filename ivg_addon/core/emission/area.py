@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiled import inlined
+from ..compiled import inlined, merged
 from ..lights import AreaLights
 from ..vectors import offset_distance, orthonormal_basis
 
@@ -75,7 +75,8 @@ def area_powers(lights: AreaLights) -> Float64:
     a = np.clip(lights.half_spread.astype(np.float64), 0.0, _LAMBERT)
     series = (a > 0.0) & (a <= _CYCLES_SERIES_LIMIT)
     gathered = np.where(series, 3.0 * _tan_minus_angle(a) / np.where(series, a, 1.0) ** 3, 1.0)
-    return math.pi * lights.radiance.astype(np.float64) * (area * gathered)[:, None]
+    power: Float64 = math.pi * lights.radiance.astype(np.float64) * (area * gathered)[:, None]
+    return power
 
 
 def _tan_minus_angle(a: Float64) -> Float64:
@@ -98,7 +99,7 @@ def _tan_of_slat(y):
     return w
 
 
-@inlined
+@merged
 def emit_area(lights, light, xi_0, xi_1, xi_2, xi_3, xi_4):
     """Return a photon's origin and direction, six floats.
 

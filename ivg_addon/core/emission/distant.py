@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiled import inlined
+from ..compiled import merged
 from ..lights import SunLights
 from ..vectors import cosine_direction, orthonormal_basis
 
@@ -87,7 +87,8 @@ def sun_fluxes(lights: SunLights) -> Float64:
     wide = h > 0.0
     sines = np.where(wide, np.sin(h), 1.0)
     ratio = np.where(wide, 4.0 * np.sin(0.5 * h) ** 2 / sines**2, 1.0)
-    return lights.irradiance.astype(np.float64) * ratio[:, None]
+    flux: Float64 = lights.irradiance.astype(np.float64) * ratio[:, None]
+    return flux
 
 
 def mean_shadows(lights: SunLights, box: Box) -> Float64:
@@ -110,7 +111,7 @@ def mean_shadows(lights: SunLights, box: Box) -> Float64:
     return mean
 
 
-@inlined
+@merged
 def emit_world(box, xi_0, xi_1, xi_2, xi_3, xi_4):
     """Return the origin on the box and the direction into it, six floats; ξ uniform in (0, 1)."""
     areas = box.areas
@@ -130,7 +131,7 @@ def emit_world(box, xi_0, xi_1, xi_2, xi_3, xi_4):
     return ox, oy, oz, dx, dy, dz
 
 
-@inlined
+@merged
 def emit_sun(suns, sun, box, xi_0, xi_1, xi_2, xi_3, xi_4):
     """Return the photon's origin on the box and direction, six floats, and whether it hits the box.
 
@@ -166,7 +167,7 @@ def emit_sun(suns, sun, box, xi_0, xi_1, xi_2, xi_3, xi_4):
     return ox, oy, oz, d0, d1, d2, t < shadow_0 + shadow_1 + shadow_2
 
 
-@inlined
+@merged
 def _on_face(box, axis, sign, u, v):
     """Return the point (u, v) of the face across `axis` through which `sign` points inwards."""
     entry = 0.0 if sign > 0.0 else 1.0

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiled import inlined, kernel
+from ..compiled import kernel, merged
 from ..embree import MISS
 from ..random import STREAM_EMISSION, random4
 from ..scene import Float32
@@ -115,7 +115,7 @@ def leave_darkness(origins, directions, dark, triangle, distance):
         distance[i] -= dark[i]
 
 
-@inlined
+@merged
 def _pick(cumulative, coarse, fine):
     """Return the emitter that a random number falls on.
 
@@ -134,7 +134,7 @@ def _pick(cumulative, coarse, fine):
     return low
 
 
-@inlined
+@merged
 def _store(rows, row, x, y, z):
     """Write one float32 row."""
     rows[row, 0] = x

@@ -28,7 +28,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiled import inlined
+from ..compiled import inlined, merged
 from ..lights import PointLights
 from ..random import STREAM_EMISSION, random4
 from ..vectors import orthonormal_basis
@@ -134,7 +134,7 @@ def point_powers(lights: PointLights, emitters: PointEmitters, accepted: Float64
     return power
 
 
-@inlined
+@merged
 def emit_point(lights, light, seed, photon, xi_0, xi_1):
     """Return a photon's origin and direction, how far it flies dark, and whether it exists.
 
@@ -178,7 +178,7 @@ def emit_point(lights, light, seed, photon, xi_0, xi_1):
     )
 
 
-@inlined
+@merged
 def _spot_direction(lights, light, seed, photon):
     """Return a unit direction with density ∝ f (three floats), and whether one was found."""
     cos_half_angle, blend = lights.cos_half_angle[light], lights.blend[light]

@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..errors import SceneError
 from ..lights import Lights
@@ -76,7 +76,7 @@ class Emission:
         emit_photons(seed, first_photon, self.emitters, origins, directions, weights, dark)
 
 
-def prepare_emission(scene: Scene, bounds_min: Float32, bounds_max: Float32) -> Emission:
+def prepare_emission(scene: Scene, bounds_min: ArrayLike, bounds_max: ArrayLike) -> Emission:
     """Gather a scene's emitters.
 
     Parameters
@@ -111,7 +111,7 @@ def prepare_emission(scene: Scene, bounds_min: Float32, bounds_max: Float32) -> 
         powers[1] / (1.0 - (1.0 - accepted) ** ATTEMPTS)[:, None],
         sun_flux * suns.largest_shadow[:, None],
     ]
-    _check(lights, np.concatenate(powers), world)
+    _check_powers(lights, np.concatenate(powers), world)
     mesh = triangle_powers(triangles, scene.materials.emission)
 
     strengths = np.concatenate([*sampled, world[None], mesh]).max(axis=1)
@@ -137,7 +137,7 @@ def prepare_emission(scene: Scene, bounds_min: Float32, bounds_max: Float32) -> 
     )
 
 
-def _box(scene: Scene, bounds_min: Float32, bounds_max: Float32) -> Box:
+def _box(scene: Scene, bounds_min: ArrayLike, bounds_max: ArrayLike) -> Box:
     """Return a box around geometry and grid."""
     low, high = np.asarray(bounds_min, np.float64), np.asarray(bounds_max, np.float64)
     if scene.geometry.triangle_count:
@@ -146,7 +146,7 @@ def _box(scene: Scene, bounds_min: Float32, bounds_max: Float32) -> Box:
     return Box.around(low, high)
 
 
-def _check(lights: Lights, powers: Float64, world: Float64) -> None:
+def _check_powers(lights: Lights, powers: Float64, world: Float64) -> None:
     """Raise `SceneError` that names the first light whose power is not a number, or negative."""
     for name, power in zip((*lights.names, None), (*powers, world), strict=True):
         if not (np.isfinite(power) & (power >= 0.0)).all():

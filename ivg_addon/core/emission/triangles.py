@@ -8,8 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiled import inlined
+from ..compiled import merged
 from ..scene import Float32, Int32, Scene
+from ..surfaces import corner, unit_normal
 from ..vectors import cosine_direction, offset_distance
 
 Float64 = NDArray[np.float64]
@@ -37,15 +38,15 @@ class TriangleEmitters(NamedTuple):
         """Find the triangles that emit light which diffuse surfaces receive."""
         geometry = scene.geometry
         emission = scene.materials.emission
-        largest = emission.max(axis=1, initial=0.0)
+        largest = emission.max(axis=1, initial=0.0, keepdims=True)
         # As in Cycles, an object that diffuse rays do not see does not light what is diffuse.
-        emits = (largest > 0.0)[geometry.material] & scene.diffuse_visible[geometry.object]
+        emits = (largest > 0.0)[geometry.material, 0] & scene.diffuse_visible[geometry.object]
         return cls(
             vertices=geometry.vertices,
             triangles=geometry.triangles,
             material=geometry.material,
             emissive=np.flatnonzero(emits).astype(np.int32),
-            weight=emission / np.where(largest > 0.0, largest, 1.0)[:, None].astype(np.float32),
+            weight=np.divide(emission, largest, out=np.zeros_like(emission), where=largest > 0.0),
         )
 
 
@@ -59,10 +60,11 @@ def triangle_powers(emitters: TriangleEmitters, emission: Float32) -> Float64:
     twice_area = np.linalg.norm(normal, axis=1)
     twice_area[~np.isfinite(twice_area)] = 0.0
     radiance = emission[emitters.material[emitters.emissive]].astype(np.float64)
-    return math.pi * radiance * twice_area[:, None]
+    power: Float64 = math.pi * radiance * twice_area[:, None]
+    return power
 
 
-@inlined
+@merged
 def emit_triangle(emitters, triangle, xi_0, xi_1, xi_2, xi_3, xi_4):
     """Return a photon's origin and direction, six floats.
 
@@ -74,38 +76,19 @@ def emit_triangle(emitters, triangle, xi_0, xi_1, xi_2, xi_3, xi_4):
     xi_0 … xi_4
         Uniform in (0, 1): two place the photon, one picks the side, two its direction.
     """
-    i, j, k = (
-        emitters.triangles[triangle, 0],
-        emitters.triangles[triangle, 1],
-        emitters.triangles[triangle, 2],
-    )
-    ax, ay, az = (
-        float(emitters.vertices[i, 0]),
-        float(emitters.vertices[i, 1]),
-        float(emitters.vertices[i, 2]),
-    )
-    ux, uy, uz = (
-        emitters.vertices[j, 0] - ax,
-        emitters.vertices[j, 1] - ay,
-        emitters.vertices[j, 2] - az,
-    )
-    vx, vy, vz = (
-        emitters.vertices[k, 0] - ax,
-        emitters.vertices[k, 1] - ay,
-        emitters.vertices[k, 2] - az,
-    )
-    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    length = math.sqrt(nx * nx + ny * ny + nz * nz)
-    side = 1.0 / length if xi_2 < 0.5 else -1.0 / length
-    nx, ny, nz = side * nx, side * ny, side * nz
+    a = corner(emitters.vertices, emitters.triangles, triangle, 0)
+    b = corner(emitters.vertices, emitters.triangles, triangle, 1)
+    c = corner(emitters.vertices, emitters.triangles, triangle, 2)
+    nx, ny, nz, extent = unit_normal(a, b, c)
+    if xi_2 < 0.5:
+        nx, ny, nz = -nx, -ny, -nz
 
-    # Uniform over the triangle: p = a + √ξ₀ (1 − ξ₁) u + √ξ₀ ξ₁ v.
+    # Uniform over the triangle: p = (1 − √ξ₀) a + √ξ₀ (1 − ξ₁) b + √ξ₀ ξ₁ c.
     root = math.sqrt(xi_0)
-    s, t = root * (1.0 - xi_1), root * xi_1
-    px = ax + s * ux + t * vx
-    py = ay + s * uy + t * vy
-    pz = az + s * uz + t * vz
-    extent = math.sqrt(max(ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz))
+    t, u, v = 1.0 - root, root * (1.0 - xi_1), root * xi_1
+    px = t * a[0] + u * b[0] + v * c[0]
+    py = t * a[1] + u * b[1] + v * c[1]
+    pz = t * a[2] + u * b[2] + v * c[2]
     away = offset_distance(px, py, pz, extent)
     dx, dy, dz = cosine_direction(nx, ny, nz, xi_3, xi_4)
     return px + away * nx, py + away * ny, pz + away * nz, dx, dy, dz
