@@ -6,10 +6,9 @@ emission → photon walk → tally → vectors per dual cell → lit share → g
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from typing import TypeVar
 
 import numpy as np
 
@@ -22,7 +21,7 @@ from .grid import BakeRecord, IrradianceVectorGrid
 from .lit_volume import LightKnowledge, lit_share_steps
 from .memory import require
 from .photon_walk import Course, Walk, thread_count, walk_steps
-from .progress import Progress
+from .progress import Progress, Result, finish
 from .report import Notice, merge
 from .scene import Float32, Scene
 from .settings import BakeSettings, Estimator, Vec3
@@ -30,8 +29,6 @@ from .surface_bins import SurfaceBins
 from .surfaces import Surfaces
 from .tally import Tally
 from .version import VERSION
-
-Result = TypeVar("Result")
 
 LEAST_LIT_SHARE = 0.01
 """Below this lit share a vertex is left out: its estimate would be a few photons divided by next
@@ -105,21 +102,9 @@ def memory_needed(settings: BakeSettings) -> int:
     return tallies + 3 * grid_bytes(settings.resolution)
 
 
-def bake(
-    scene: Scene,
-    settings: BakeSettings,
-    on_progress: Callable[[Progress], None] | None = None,
-) -> BakeResult:
+def bake(scene: Scene, settings: BakeSettings) -> BakeResult:
     """Bake without interruption; raises `SceneError`, `SettingsError`, `MemoryLimitError`."""
-    steps = bake_steps(scene, settings)
-    while True:
-        try:
-            progress = next(steps)
-        except StopIteration as end:
-            result: BakeResult = end.value
-            return result
-        if on_progress is not None:
-            on_progress(progress)
+    return finish(bake_steps(scene, settings))
 
 
 def bake_steps(scene: Scene, settings: BakeSettings) -> Generator[Progress, None, BakeResult]:
@@ -133,6 +118,8 @@ def bake_steps(scene: Scene, settings: BakeSettings) -> Generator[Progress, None
     yield Progress("Preparing the scene", 0.0)
     lattice = _lattice(settings)
     course = _prepare(scene, lattice)
+    yield Progress("Compiling for this processor, once after installing", 0.0)
+    _compile_kernels(scene, course, settings)
     prepare_seconds = time.perf_counter() - start
 
     photon_share = 0.8 if _measures_lit_volume(settings) else 1.0
@@ -141,23 +128,10 @@ def bake_steps(scene: Scene, settings: BakeSettings) -> Generator[Progress, None
     vectors = walk.tally.vectors(course.emission.flux_scale / settings.photons)
     validity = np.ones(lattice.shape, dtype=np.float32)
     if _measures_lit_volume(settings):
-        validity = yield from _scaled(
-            lit_share_steps(
-                LightKnowledge(
-                    geometry=scene.geometry,
-                    tracer=course.later,
-                    bins=course.bins,
-                    bin_counts=walk.bin_counts,
-                    world_shines=bool(np.any(scene.lights.world > 0)),
-                ),
-                lattice,
-                settings.lit_points,
-                settings.seed,
-                settings.threads,
-            ),
-            photon_share,
-            1.0,
+        shares = lit_share_steps(
+            _light_knowledge(scene, course, walk), lattice, settings.lit_points, settings.seed, settings.threads
         )
+        validity = yield from _scaled(shares, photon_share, 1.0)
         vectors, validity = _normalise(vectors, validity)
     grid = IrradianceVectorGrid(
         vectors=vectors.astype(np.float32),
@@ -183,8 +157,8 @@ def _lattice(settings: BakeSettings) -> Lattice:
 
 
 def _measures_lit_volume(settings: BakeSettings) -> bool:
-    """Tell whether vectors are divided by lit volumes: the two face estimators know none."""
-    return settings.estimator is Estimator.TRACK_LENGTH and settings.lit_points > 0
+    """Tell whether vectors are divided by lit volumes: the report's estimator knows none."""
+    return settings.estimator is not Estimator.REPORT and settings.lit_points > 0
 
 
 def _prepare(scene: Scene, lattice: Lattice) -> Course:
@@ -203,6 +177,26 @@ def _prepare(scene: Scene, lattice: Lattice) -> Course:
     seen = scene.diffuse_visible[scene.geometry.object]
     later = first if seen.all() else Tracer(scene.geometry, keep=seen)
     return Course(emission, first, later, Surfaces.of(scene, bins), bins)
+
+
+def _light_knowledge(scene: Scene, course: Course, walk: Walk) -> LightKnowledge:
+    """Gather what the photon walk found out about the surfaces."""
+    return LightKnowledge(
+        geometry=scene.geometry,
+        tracer=course.later,
+        bins=course.bins,
+        bin_counts=walk.bin_counts,
+        world_shines=bool(np.any(scene.lights.world > 0)),
+    )
+
+
+def _compile_kernels(scene: Scene, course: Course, settings: BakeSettings) -> None:
+    """Run every kernel that the bake needs once, on next to nothing, so that none compiles later."""
+    tiny = replace(settings, resolution=(1, 1, 1), photons=1, threads=1, include_direct=True)
+    lattice = _lattice(tiny)
+    walk = finish(walk_steps(course, lattice, tiny))
+    if _measures_lit_volume(settings):
+        finish(lit_share_steps(_light_knowledge(scene, course, walk), lattice, 1, 0, 1))
 
 
 def _scaled(steps: Generator[Progress, None, Result], low: float, high: float) -> Generator[Progress, None, Result]:

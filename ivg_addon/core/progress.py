@@ -6,7 +6,11 @@ is cancelled by closing it. Whoever drives it decides how to show it and when to
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from dataclasses import dataclass
+from typing import TypeVar
+
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
@@ -26,3 +30,13 @@ class Progress:
     task: str
     fraction: float
     seconds_left: float | None = None
+
+
+def finish(steps: Generator[Progress, None, Result]) -> Result:
+    """Run long work to its end, without showing anything, and return its result."""
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            result: Result = end.value
+            return result
