@@ -46,6 +46,18 @@ class BakeRecord:
     emitted: Vec3
 
 
+class _SharpenedVectors(dict[Spatial, NDArray[np.float32]]):
+    """Vectors by the interpolation that they are sharpened for."""
+
+    def __init__(self, vectors: NDArray[np.float32], validity: NDArray[np.float32]) -> None:
+        super().__init__()
+        self._vectors, self._validity = vectors, validity
+
+    def __missing__(self, spatial: Spatial) -> NDArray[np.float32]:
+        self[spatial] = sharpened(self._vectors, self._validity, spatial)
+        return self[spatial]
+
+
 @dataclass(frozen=True)
 class IrradianceVectorGrid:
     """Six irradiance vectors per colour channel at every vertex of a box of voxels. [IVG §3].
@@ -146,13 +158,13 @@ class IrradianceVectorGrid:
             raise SettingsError(f"{error}: use TRILINEAR or TRICUBIC, and LEAST_SQUARES or REPORT") from error
         from .look_up import irradiance
 
-        vectors = self.vectors if directional is Directional.REPORT else self._sharpened
+        vectors = self.vectors if directional is Directional.REPORT else self._sharpened[spatial]
         return irradiance(vectors, self.validity, self.lattice, p, n, spatial, directional, normal_bias)
 
     @cached_property
-    def _sharpened(self) -> NDArray[np.float32]:
-        """The vectors as the default look-up interpolates them."""
-        return sharpened(self.vectors, self.validity)
+    def _sharpened(self) -> _SharpenedVectors:
+        """The vectors as the default look-ups interpolate them, made when first asked for."""
+        return _SharpenedVectors(self.vectors, self.validity)
 
     def save(self, path: str | Path) -> None:
         """Write the grid to a .ivg.npz file, whole or not at all; raises `GridFileError`."""

@@ -241,7 +241,7 @@ def _place_triangles(batch: _Batch, part: slice, first_vertex: int, store: _Stor
     store.object[into] = np.repeat(batch.objects, corners.shape[1])[chosen]
     store.corner_normals[into] = _shading_normals(batch, corners, normals)[chosen]
     _place_uvs(batch, corners.reshape(-1, 3)[chosen], slot[chosen], store.uvs[into])
-    return np.count_nonzero(~sound.reshape(k, -1), axis=1).astype(np.int32)
+    return np.asarray(np.count_nonzero(~sound.reshape(k, -1), axis=1), dtype=np.int32)
 
 
 def _place_uvs(batch: _Batch, corners: Int32, slot: Int32, uvs: Float32) -> None:
