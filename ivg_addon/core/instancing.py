@@ -221,7 +221,7 @@ def _place_triangles(batch: _Batch, part: slice, first_vertex: int, store: _Stor
     """Write a slice of the triangles of k instances; return how many of each could not be lit, (k,)."""
     mesh, k = batch.mesh, len(batch.matrices)
     corners = mesh.triangle_corners[part]
-    mirrored = np.linalg.det(batch.matrices[:, :3, :3]) < 0.0
+    mirrored = _mirrors(batch.matrices[:, :3, :3])
     corners = np.where(mirrored[:, None, None], corners[:, [0, 2, 1]], corners)
     firsts = first_vertex + len(mesh.positions) * np.arange(k, dtype=np.int32)
     triangles = (mesh.corner_vertex[corners] + firsts[:, None, None]).reshape(-1, 3)
@@ -264,7 +264,7 @@ def _shading_normals(batch: _Batch, corners: Int32, geometric: Float64) -> Float
     if mesh.corner_normals is None:
         return repeated.astype(np.float32)
     k, p = corners.shape[:2]
-    transforms = np.stack([_cofactors(matrix[:3, :3]) for matrix in batch.matrices])
+    transforms = _cofactors(batch.matrices[:, :3, :3])
     with np.errstate(invalid="ignore", over="ignore"):
         smooth = mesh.corner_normals[corners].astype(np.float64).reshape(k, -1, 3)
         smooth = (smooth @ transforms.transpose(0, 2, 1)).reshape(k * p, 3, 3)
@@ -274,9 +274,16 @@ def _shading_normals(batch: _Batch, corners: Int32, geometric: Float64) -> Float
     return np.where(usable[:, :, None], smooth, repeated).astype(np.float32)
 
 
+def _mirrors(linear: Float64) -> NDArray[np.bool_]:
+    """Tell of matrices (k, 3, 3) whether their determinants are negative."""
+    x, y, z = np.moveaxis(linear, 1, 0)
+    return np.asarray(np.einsum("ij,ij->i", x, np.cross(y, z)) < 0.0)
+
+
 def _cofactors(linear: Float64) -> Float64:
-    """Return the cofactor matrix, scaled to about one, its sign that of a rotation."""
-    scale = np.abs(linear).max()
-    x, y, z = unit = linear / (scale if scale > 0.0 else 1.0)
-    cofactors = np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)])
-    return np.asarray(-cofactors if np.linalg.det(unit) < 0.0 else cofactors)
+    """Return the cofactors of matrices (k, 3, 3), scaled to about one, their sign that of a rotation."""
+    scale = np.abs(linear).max(axis=(1, 2), keepdims=True)
+    linear = linear / np.where(scale > 0.0, scale, 1.0)
+    x, y, z = np.moveaxis(linear, 1, 0)
+    cofactors = np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)], axis=1)
+    return np.where(_mirrors(linear)[:, None, None], -cofactors, cofactors)

@@ -69,7 +69,7 @@ class BakeSettings:
     estimator: Estimator = Estimator.TRACK_LENGTH
     include_direct: bool = False
     threads: int = 0
-    lit_points: int = 2048
+    lit_points: int = 1024
 
     def __post_init__(self) -> None:
         """Check every limit; raises `SettingsError` that names the setting."""

@@ -94,8 +94,11 @@ def _tan_of_slat(y):
     w = max((3.0 * y) ** (1.0 / 3.0), y)
     if w < 1e-4:
         return w
-    for _ in range(6):
-        w -= (w - math.atan(w) - y) * (1.0 + w * w) / (w * w)
+    for _ in range(8):
+        step = (w - math.atan(w) - y) * (1.0 + w * w) / (w * w)
+        w -= step
+        if abs(step) < 1e-9 * w:
+            break
     return w
 
 

@@ -4,7 +4,8 @@ Light leaves along lines of direction d that pass the centre at a distance b < r
 that disc, with the radiance f(d) I / (π r²); f is the spot's attenuation. Where on its line a
 photon starts depends on how Cycles turns a radius into a shape:
 
-- a sphere: where the line leaves the sphere;
+- a sphere: where the line leaves the sphere. (Inside of it Cycles lights every surface with π
+  times the radiance, whatever lies between; here nothing is lit there.)
 - a disk turned towards each point p that is lit ("soft falloff"): p sees the disk at the angle
   whose sine is b / |p| only if its tangent is less than r / |p|. So the line is lit no nearer
   than |p| = b r / √(r² − b²), at a distance s = b² / √(r² − b²) past its closest approach.
