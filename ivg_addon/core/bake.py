@@ -117,7 +117,7 @@ def bake_steps(scene: Scene, settings: BakeSettings) -> Generator[Progress, None
     )
     yield Progress("Preparing the scene", 0.0)
     lattice = _lattice(settings)
-    course = _prepare(scene, lattice)
+    course = prepare_course(scene, lattice)
     yield Progress("Compiling for this processor, once after installing", 0.0)
     _compile_kernels(scene, course, settings)
     prepare_seconds = time.perf_counter() - start
@@ -161,8 +161,8 @@ def _measures_lit_volume(settings: BakeSettings) -> bool:
     return settings.estimator is not Estimator.REPORT and settings.lit_points > 0
 
 
-def _prepare(scene: Scene, lattice: Lattice) -> Course:
-    """Build what the photon walk needs."""
+def prepare_course(scene: Scene, lattice: Lattice) -> Course:
+    """Build what the photon walk needs; raises `SceneError` without geometry or light."""
     if scene.geometry.triangle_count == 0:
         raise SceneError(
             f"scene '{scene.name}' has no geometry that renders: add a mesh, or enable its render visibility"

@@ -6,6 +6,7 @@ math (the same seed must give the same bits), the GIL released, machine code kep
 
 from __future__ import annotations
 
+import hashlib
 import os
 import tempfile
 from collections.abc import Callable
@@ -25,12 +26,24 @@ except Exception as error:  # a broken llvmlite raises OSError, a wrong numpy Im
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
 
+def _fingerprint() -> str:
+    """Return a digest of this package's sources.
+
+    Numba looks at a kernel's own file to tell whether its machine code is stale, but not at the
+    files of the functions that were inlined into it.
+    """
+    digest = hashlib.blake2b(digest_size=8)
+    for source in sorted(Path(__file__).parent.rglob("*.py")):
+        digest.update(source.read_bytes())
+    return digest.hexdigest()
+
+
 def set_cache_folder(folder: Path) -> None:
-    """Keep compiled kernels in `folder`; call it before the first kernel is defined.
+    """Keep compiled kernels in a folder of this version in `folder`; before the first is defined.
 
     Numba's own default is beside the code, which may be read-only and is no place for files.
     """
-    numba.config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
+    numba.config.CACHE_DIR = str(folder / _fingerprint())  # type: ignore[attr-defined]
 
 
 if not numba.config.CACHE_DIR:  # type: ignore[attr-defined]

@@ -34,38 +34,56 @@ their variance diverges logarithmically."""
 WEIGHT_LIMIT = 16.0
 """No photon weight exceeds this (see scattering.py); fixed-point scales are chosen for it."""
 
-_SQRT3 = math.sqrt(3.0)
+_TICKS = 2.0**40
+"""The walk counts lengths in integers, so many for the box's diagonal: they compare and add in a fraction of the time that
+floats need, and the legs of a flight sum up to its length exactly."""
+_NEVER = 2.0**50
+"""Ticks that no flight inside the box has."""
+
+AT_THE_END = 1e-3
+"""Voxels by which a flight is taken to be longer at both ends when it is asked which faces it crosses. One that starts or
+ends on a wall in the plane of a face starts just above it, or ends a rounding error away: it crosses."""
 
 
 @merged
-def clip_to_box(o, inverse, length, low, high):
-    """Return the interval (t₀, t₁) of the segment o + t·d, 0 ≤ t ≤ length, inside the box.
+def clip_to_box(x, inverse, t0, t1, top, free):
+    """Return the part (t₀, t₁) of a segment that lies inside the box; empty when t₀ ≥ t₁.
 
-    Empty when t₀ ≥ t₁. `o` and `inverse` = 1/d are tuples, `low` and `high` the box's corners. The
-    slab method, with zero components of d handled apart, so that no 0·∞ arises.
+    Slab by slab, with zero components of the direction handled apart, so that no 0·∞ arises.
+
+    Parameters
+    ----------
+    x, inverse
+        Position at t = 0 in voxels from the box's lower corner, and metres per voxel along each axis.
+    t0, t1
+        The segment's ends, metres.
+    top
+        Voxels along each axis.
+    free
+        An axis that does not count, or −1.
     """
-    t0 = 0.0
-    t1 = length
     for axis in range(3):
+        if axis == free:
+            continue
         if math.isinf(inverse[axis]):
-            if o[axis] < low[axis] or o[axis] > high[axis]:
-                t1 = -1.0
+            if x[axis] < 0.0 or x[axis] > top[axis]:
+                t1 = t0 - 1.0
         else:
-            near = (low[axis] - o[axis]) * inverse[axis]
-            far = (high[axis] - o[axis]) * inverse[axis]
+            near = -x[axis] * inverse[axis]
+            far = (top[axis] - x[axis]) * inverse[axis]
             t0 = max(t0, min(near, far))
             t1 = min(t1, max(near, far))
     return t0, t1
 
 
 @inlined
-def first_cell(position, count):
-    """Return the index of the dual cell at a position counted in voxels from −½, clamped."""
-    return min(max(math.floor(position), 0), count - 1)
+def nearest_vertex(x, top):
+    """Return the index of the vertex nearest to a position in voxels, along one axis."""
+    return int(math.floor(min(max(x, 0.0), top) + 0.5))
 
 
 @kernel
-def deposit_track_length(origins, directions, weights, lengths, low, high, voxel, counts, scale, sums):
+def deposit_track_length(origins, directions, weights, lengths, low, voxel, counts, scale, sums):
     """Add φ ω ℓ to every dual cell that the n segments traverse.
 
     Parameters
@@ -73,116 +91,147 @@ def deposit_track_length(origins, directions, weights, lengths, low, high, voxel
     origins, directions, weights : (n, 3) float32
     lengths : (n,) float32
         Metres to the hit; 1e37 without one.
-    low, high, voxel : (3,) float64
-        Bounds and voxel size.
+    low, voxel : (3,) float64
+        Lower corner of the bounds, and voxel size.
     counts : (3,) int64
         Vertices along each axis.
     scale
-        Fixed-point steps for a weight of one over one h̄, divided by h̄.
-    sums : (vertices · 8 · 9,) int64
+        Fixed-point steps for a weight of one over one metre.
+    sums : (vertices · 8, 9) int64
         Changed in place.
     """
-    stride_y = counts[2] * 72
-    stride_x = counts[1] * stride_y
+    top = (counts[0] - 1.0, counts[1] - 1.0, counts[2] - 1.0)
+    diagonal = math.sqrt((top[0] * voxel[0]) ** 2 + (top[1] * voxel[1]) ** 2 + (top[2] * voxel[2]) ** 2)
+    ticks = _TICKS / diagonal
+    row_y = counts[2] * 8
+    row_x = counts[1] * row_y
     for ray in range(len(lengths)):
-        o = (float(origins[ray, 0]), float(origins[ray, 1]), float(origins[ray, 2]))
         d = (float(directions[ray, 0]), float(directions[ray, 1]), float(directions[ray, 2]))
-        inverse = (1.0 / d[0], 1.0 / d[1], 1.0 / d[2])
-        t, t_end = clip_to_box(o, inverse, float(lengths[ray]), low, high)
-        if not t < t_end:
+        x, inverse = in_voxels(origins, ray, d, low, voxel)
+        t0, t1 = clip_to_box(x, inverse, 0.0, float(lengths[ray]), top, -1)
+        if not t0 < t1:
             continue
         # ω = −d; the nine products are constant along the flight.
-        red, green, blue = -weights[ray, 0] * scale, -weights[ray, 1] * scale, -weights[ray, 2] * scale
+        unit = -scale / ticks
+        red, green, blue = weights[ray, 0] * unit, weights[ray, 1] * unit, weights[ray, 2] * unit
         p0, p1, p2 = red * d[0], red * d[1], red * d[2]
         p3, p4, p5 = green * d[0], green * d[1], green * d[2]
         p6, p7, p8 = blue * d[0], blue * d[1], blue * d[2]
         octant = (1 if d[0] < 0 else 0) + (2 if d[1] < 0 else 0) + (4 if d[2] < 0 else 0)
 
         # Amanatides & Woo's walk, over dual cells: boundaries lie at half voxels.
-        i, step_x, next_x, delta_x = _axis_walk(t, o[0], d[0], inverse[0], low[0], voxel[0], counts[0])
-        j, step_y, next_y, delta_y = _axis_walk(t, o[1], d[1], inverse[1], low[1], voxel[1], counts[1])
-        k, step_z, next_z, delta_z = _axis_walk(t, o[2], d[2], inverse[2], low[2], voxel[2], counts[2])
-        slot = i * stride_x + j * stride_y + k * 72 + octant * 9
-        step_x *= stride_x
-        step_y *= stride_y
-        step_z *= 72
+        i, step_x, next_x, delta_x, wall_x = axis_walk(x[0], t0, d[0], inverse[0], top[0], ticks)
+        j, step_y, next_y, delta_y, wall_y = axis_walk(x[1], t0, d[1], inverse[1], top[1], ticks)
+        k, step_z, next_z, delta_z, wall_z = axis_walk(x[2], t0, d[2], inverse[2], top[2], ticks)
+        end = min(np.int64(min((t1 - t0) * ticks, _NEVER)), min(wall_x, min(wall_y, wall_z)))
+        cell = i * row_x + j * row_y + k * 8 + octant
+        step_x *= row_x
+        step_y *= row_y
+        step_z *= 8
+        t = 0
         while True:
             t_next = min(next_x, min(next_y, next_z))
-            leg = min(t_next, t_end) - t
-            if leg > 0.0:
-                sums[slot] += np.int64(p0 * leg)
-                sums[slot + 1] += np.int64(p1 * leg)
-                sums[slot + 2] += np.int64(p2 * leg)
-                sums[slot + 3] += np.int64(p3 * leg)
-                sums[slot + 4] += np.int64(p4 * leg)
-                sums[slot + 5] += np.int64(p5 * leg)
-                sums[slot + 6] += np.int64(p6 * leg)
-                sums[slot + 7] += np.int64(p7 * leg)
-                sums[slot + 8] += np.int64(p8 * leg)
-            if t_next >= t_end:
+            leg = float(min(t_next, end) - t)
+            row = np.uint64(cell)
+            sums[row, 0] += np.int64(p0 * leg)
+            sums[row, 1] += np.int64(p1 * leg)
+            sums[row, 2] += np.int64(p2 * leg)
+            sums[row, 3] += np.int64(p3 * leg)
+            sums[row, 4] += np.int64(p4 * leg)
+            sums[row, 5] += np.int64(p5 * leg)
+            sums[row, 6] += np.int64(p6 * leg)
+            sums[row, 7] += np.int64(p7 * leg)
+            sums[row, 8] += np.int64(p8 * leg)
+            if t_next >= end:
                 break
             t = t_next
-            # Without branches, which would be mispredicted every other cell.
-            at_x, at_y, at_z = next_x <= t_next, next_y <= t_next, next_z <= t_next
-            slot += (step_x if at_x else 0) + (step_y if at_y else 0) + (step_z if at_z else 0)
-            next_x += delta_x if at_x else 0.0
-            next_y += delta_y if at_y else 0.0
-            next_z += delta_z if at_z else 0.0
+            if next_x == t_next:
+                cell += step_x
+                next_x += delta_x
+            elif next_y == t_next:
+                cell += step_y
+                next_y += delta_y
+            else:
+                cell += step_z
+                next_z += delta_z
+
+
+@merged
+def in_voxels(origins, ray, d, low, voxel):
+    """Return a ray's origin in voxels from the box's lower corner, and its metres per voxel along each axis."""
+    x = (
+        (origins[ray, 0] - low[0]) / voxel[0],
+        (origins[ray, 1] - low[1]) / voxel[1],
+        (origins[ray, 2] - low[2]) / voxel[2],
+    )
+    return x, (voxel[0] / d[0], voxel[1] / d[1], voxel[2] / d[2])
 
 
 @inlined
-def _axis_walk(t, o, d, inverse, low, voxel, count):
-    """Return (cell at t, step, t of the next dual-cell boundary, t between boundaries) of an axis."""
-    cell = first_cell((o + t * d - low) / voxel + 0.5, count)
-    if d > 0.0:
-        return cell, 1, (low + (cell + 0.5) * voxel - o) * inverse, voxel * inverse
-    if d < 0.0:
-        return cell, -1, (low + (cell - 0.5) * voxel - o) * inverse, -voxel * inverse
-    return cell, 0, math.inf, math.inf
+def axis_walk(x, t0, d, inverse, top, ticks):
+    """Return what the walk along one axis needs, in ticks from where the flight enters the box.
+
+    All begins at the position there, held inside the box: however far away the flight started, and whatever rounding
+    made of that, the walk stays inside the lattice.
+
+    Returns
+    -------
+    tuple
+        First cell; step to the next; length to the first boundary between cells, between boundaries, and to the wall of
+        the box.
+    """
+    never = np.int64(_NEVER)
+    if d == 0.0:
+        return nearest_vertex(x, top), 0, never, never, never
+    x = min(max(x + t0 / inverse, 0.0), top)
+    cell = nearest_vertex(x, top)
+    step = 1 if d > 0.0 else -1
+    boundary = abs((cell + 0.5 * step - x) * inverse)
+    wall = abs(((top if d > 0.0 else 0.0) - x) * inverse)
+    return (
+        cell,
+        step,
+        np.int64(min(boundary * ticks, _NEVER)),
+        np.int64(min(abs(inverse) * ticks, _NEVER)),
+        np.int64(min(wall * ticks, _NEVER)),
+    )
 
 
 @kernel
-def deposit_crossings(origins, directions, weights, lengths, low, high, voxel, counts, scale, min_cosine, sums):
+def deposit_crossings(origins, directions, weights, lengths, low, voxel, counts, scale, min_cosine, sums):
     """Add φ ω / max(|ω_k|, min_cosine) at every voxel face, to the nearest vertex in its plane.
 
-    With `min_cosine` 1 this is the report's formula as printed (`REPORT`), with
-    `GRAZING_COSINE` the unbiased one (`CROSSING`). Parameters as of `deposit_track_length`, but
-    `scale` holds the fixed-point steps for a weight of one, and `sums` is
-    (vertices · 6 · 9,) int64.
+    With `min_cosine` 1 this is the report's formula as printed (`REPORT`), with `GRAZING_COSINE` the unbiased one
+    (`CROSSING`). Parameters as of `deposit_track_length`, but `scale` holds the fixed-point steps for a weight of one, and
+    `sums` is (vertices · 6, 9) int64.
     """
+    top = (counts[0] - 1.0, counts[1] - 1.0, counts[2] - 1.0)
+    beyond = AT_THE_END * min(voxel[0], min(voxel[1], voxel[2]))
     for ray in range(len(lengths)):
-        o = (float(origins[ray, 0]), float(origins[ray, 1]), float(origins[ray, 2]))
         d = (float(directions[ray, 0]), float(directions[ray, 1]), float(directions[ray, 2]))
-        inverse = (1.0 / d[0], 1.0 / d[1], 1.0 / d[2])
-        t0, t1 = clip_to_box(o, inverse, float(lengths[ray]), low, high)
-        if not t0 < t1:
-            continue
+        x, inverse = in_voxels(origins, ray, d, low, voxel)
         for axis in range(3):
-            if d[axis] == 0.0:
+            if math.isinf(inverse[axis]):
+                continue
+            t0, t1 = clip_to_box(x, inverse, -beyond, lengths[ray] + beyond, top, axis)
+            if not t0 < t1:
                 continue
             factor = scale / max(abs(d[axis]), min_cosine)
             # ω = −d lies on the side +axis when d points towards −axis.
             hemisphere = 2 * axis + (1 if d[axis] > 0.0 else 0)
-            start = (o[axis] + t0 * d[axis] - low[axis]) / voxel[axis]
-            end = (o[axis] + t1 * d[axis] - low[axis]) / voxel[axis]
-            first = max(math.ceil(min(start, end)), 0)
-            last = min(math.floor(max(start, end)), counts[axis] - 1)
+            start, end = x[axis] + t0 / inverse[axis], x[axis] + t1 / inverse[axis]
+            first = np.int64(math.ceil(max(min(start, end), 0.0)))
+            last = np.int64(math.floor(min(max(start, end), top[axis])))
             for plane in range(first, last + 1):
-                t = (low[axis] + plane * voxel[axis] - o[axis]) / d[axis]
-                slot = 0
+                t = (plane - x[axis]) * inverse[axis]
+                vertex = 0
                 for other in range(3):
-                    index = plane
-                    if other != axis:
-                        index = first_cell(
-                            (o[other] + t * d[other] - low[other]) / voxel[other] + 0.5,
-                            counts[other],
-                        )
-                    slot = slot * counts[other] + index
-                slot = (slot * 6 + hemisphere) * 9
+                    index = plane if other == axis else nearest_vertex(x[other] + t / inverse[other], top[other])
+                    vertex = vertex * counts[other] + index
                 for channel in range(3):
                     flux = factor * weights[ray, channel]
                     for component in range(3):
-                        sums[slot + 3 * channel + component] -= np.int64(flux * d[component])
+                        sums[vertex * 6 + hemisphere, 3 * channel + component] -= np.int64(flux * d[component])
 
 
 @dataclass(frozen=True)
@@ -245,17 +294,17 @@ class Tally:
         lattice = self.lattice
         box = (
             np.asarray(lattice.bounds_min, dtype=np.float64),
-            np.asarray(lattice.bounds_max, dtype=np.float64),
             lattice.voxel_size,
             np.asarray(lattice.shape, dtype=np.int64),
         )
         flights = (origins, directions, weights, lengths)
+        rows = self.sums.reshape(-1, 9)
         if self.estimator is Estimator.TRACK_LENGTH:
             mean_edge = np.cbrt(lattice.voxel_size.prod())
-            deposit_track_length(*flights, *box, self.steps / mean_edge, self.sums)
+            deposit_track_length(*flights, *box, self.steps / mean_edge, rows)
         else:
             cosine = 1.0 if self.estimator is Estimator.REPORT else GRAZING_COSINE
-            deposit_crossings(*flights, *box, self.steps, cosine, self.sums)
+            deposit_crossings(*flights, *box, self.steps, cosine, rows)
 
     def add(self, other: Tally) -> None:
         """Add another thread's sums to this one's."""

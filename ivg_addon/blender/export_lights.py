@@ -1,0 +1,237 @@
+"""From light datablocks and the world to `core.lights.Lights`.
+
+The conversions are those of Cycles (src/scene/light.cpp), so that what leaves here has no notion of
+Blender's "power" any more: a light of strength s = colour · energy · 2^exposure emits
+
+    area    radiance s / (π A)           point, spot    intensity s / (4π)
+    sun     irradiance s                 where it faces the light
+
+and without `normalize` a radiance of s/π, s/π and s: of its surface, its sphere or its disc.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, TypeVar
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.lights import AreaLights, Lights, PointLights, SunLights
+from ..core.report import Notice, merge
+from .emission_nodes import constant_emission
+from .export_colours import ColourReader, Notes
+from .export_images import ImageTable
+
+Float64 = NDArray[np.float64]
+Kind = TypeVar("Kind", AreaLights, PointLights, SunLights)
+Row = dict[str, Any]
+
+_ALL_BOUNCES = 1024
+"""Blender's default of `max_bounces`: no limit in practice."""
+_SHEARED = 1e-4
+"""Cosine between a light's axes from which on its transform counts as sheared."""
+_NEGATIVE = "takes light away: what is negative of its light is ignored"
+_SHADOWLESS = "casts shadows, although they are switched off"
+
+
+def export_lights(depsgraph: bpy.types.Depsgraph) -> tuple[Lights, tuple[Notice, ...]]:
+    """Return every light that a depsgraph shows, instances too, and the world.
+
+    Lights that diffuse surfaces do not see (Ray Visibility: Diffuse) and portals light nothing, in
+    Cycles as here: they are left out without a word. All else that is not taken over exactly
+    gets a `Notice`.
+    """
+    rows: dict[type, list[Row]] = {AreaLights: [], PointLights: [], SunLights: []}
+    notices: list[Notice] = []
+    for instance in depsgraph.object_instances:
+        light = instance.object
+        if light.type != "LIGHT" or not _lights_diffuse(instance):
+            continue
+        notes = Notes(f"light '{light.name}'")
+        matrix = np.array(instance.matrix_world, dtype=np.float64)
+        exported = _export(light, matrix, notes)
+        if exported is not None:
+            kind, row = exported
+            rows[kind].append({"names": light.name, **row})
+        notices.extend(notes.notices)
+    radiance, world_notices = _world(depsgraph)
+    lights = Lights(
+        world=radiance,
+        area=_stack(AreaLights, rows[AreaLights]),
+        point=_stack(PointLights, rows[PointLights]),
+        sun=_stack(SunLights, rows[SunLights]),
+    )
+    return lights, merge([*notices, *world_notices])
+
+
+def _lights_diffuse(instance: bpy.types.DepsgraphObjectInstance) -> bool:
+    """Tell whether a light renders, and lights diffuse surfaces."""
+    light = instance.object
+    seers = [light, instance.parent] if instance.is_instance and instance.parent else [light]
+    return (
+        instance.show_self
+        # A depsgraph of a render holds what renders, one of the viewport what the viewport shows.
+        and not light.hide_render
+        and all(seer.visible_diffuse for seer in seers)
+        and not (light.data.type == "AREA" and light.data.cycles.is_portal)
+    )
+
+
+def _export(light: bpy.types.Object, matrix: Float64, notes: Notes) -> tuple[type, Row] | None:
+    """Return the kind and the fields of a light, or None if it emits nothing."""
+    strength = _strength(light.data, notes)
+    if strength is None:
+        return None
+    if not np.isfinite(matrix).all():
+        notes.add("left out", "its transform is not a number")
+        return None
+    kind, row = _CONVERSIONS[light.data.type](light.data, matrix, strength)
+    nowhere = _nowhere(kind, row)
+    if nowhere:
+        notes.add("left out", nowhere)
+        return None
+    _note_differences(light, matrix, notes)
+    return kind, row
+
+
+def _strength(light: bpy.types.Light, notes: Notes) -> Float64 | None:
+    """Return colour times power, (3,), or None if the light emits nothing."""
+    strength = np.array(light.color, dtype=np.float64) * light.energy * 2.0**light.exposure
+    if light.use_temperature:
+        strength *= np.array(light.temperature_color, dtype=np.float64)
+    if _uses_nodes(light):
+        strength *= constant_emission(light.node_tree, ColourReader(ImageTable(), notes))
+    if not np.isfinite(strength).all():
+        notes.add("left out", "its colour or power is not a number: enter it anew")
+        return None
+    if not (strength > 0.0).any():
+        negative = (strength < 0.0).any()
+        notes.add("left out", _NEGATIVE if negative else "emits nothing: its colour, power or nodes are zero")
+        return None
+    if (strength < 0.0).any():
+        notes.add("simplified", _NEGATIVE)
+    return np.maximum(strength, 0.0)
+
+
+def _uses_nodes(light: bpy.types.Light) -> bool:
+    """Tell whether a light's node tree counts; from Blender 5.2 on it always does."""
+    if light.node_tree is None:
+        return False
+    return bool(light.bl_rna.properties["use_nodes"].is_deprecated or light.use_nodes)
+
+
+def _area(light: bpy.types.AreaLight, matrix: Float64, strength: Float64) -> tuple[type, Row]:
+    elliptic = light.shape in {"DISK", "ELLIPSE"}
+    size_y = light.size_y if light.shape in {"RECTANGLE", "ELLIPSE"} else light.size
+    edge_u, edge_v = matrix[:3, 0] * light.size, matrix[:3, 1] * size_y
+    area = np.linalg.norm(edge_u) * np.linalg.norm(edge_v) * (math.pi / 4 if elliptic else 1.0)
+    return AreaLights, {
+        "center": matrix[:3, 3],
+        "edge_u": edge_u,
+        "edge_v": edge_v,
+        "direction": _unit(-matrix[:3, 2]),
+        "elliptic": elliptic,
+        "half_spread": 0.5 * light.spread,
+        "radiance": strength / (math.pi * (area or 1.0) if light.normalize else math.pi),
+    }
+
+
+def _point(light: bpy.types.Light, matrix: Float64, strength: Float64) -> tuple[type, Row]:
+    # The object's scale does not change the radius.
+    radius = light.shadow_soft_size
+    spot = light.type == "SPOT"
+    # Not normalised, a point has the radiance s/π of a sphere of radius r, or intensity s/π.
+    factor = 1.0 / (4.0 * math.pi) if light.normalize else radius**2 or 1.0 / math.pi
+    return PointLights, {
+        "position": matrix[:3, 3],
+        "radius": radius,
+        "soft_falloff": bool(light.use_soft_falloff),
+        "intensity": strength * factor,
+        "cos_half_angle": math.cos(0.5 * light.spot_size) if spot else -1.0,
+        "blend": light.spot_blend if spot else 0.0,
+        "axes": matrix[:3, :3] if spot else np.eye(3),
+    }
+
+
+def _sun(light: bpy.types.SunLight, matrix: Float64, strength: Float64) -> tuple[type, Row]:
+    half_angle = 0.5 * light.angle
+    facing = math.pi * math.sin(half_angle) ** 2 if light.angle > 0.0 else 1.0
+    return SunLights, {
+        "direction": _unit(-matrix[:3, 2]),
+        "half_angle": half_angle,
+        "irradiance": strength * (1.0 if light.normalize else facing),
+    }
+
+
+_CONVERSIONS = {"AREA": _area, "POINT": _point, "SPOT": _point, "SUN": _sun}
+
+
+def _nowhere(kind: type, row: Row) -> str:
+    """Return why a light has no place to shine from, in Cycles neither; empty if it has."""
+    if kind is AreaLights and not (row["edge_u"].any() and row["edge_v"].any()):
+        return "has no area: give it a size"
+    if "direction" in row and not row["direction"].any():
+        return "is scaled to nothing along its axis"
+    if kind is PointLights and not abs(np.linalg.det(row["axes"])) > 0.0:
+        return "is scaled to nothing along one of its axes"
+    return ""
+
+
+def _note_differences(light: bpy.types.Object, matrix: Float64, notes: Notes) -> None:
+    """Say what Cycles would do otherwise with a light that is exported."""
+    linking = light.light_linking
+    if linking.receiver_collection or linking.blocker_collection:
+        notes.add("simplified", "lights everything: light linking is ignored")
+    if not light.data.use_shadow:
+        notes.add("simplified", _SHADOWLESS)
+    bounces = light.data.cycles.max_bounces
+    if bounces < _ALL_BOUNCES:
+        notes.add("simplified", f"lights every bounce, not only the first {bounces}")
+    if light.data.type == "AREA":
+        axes = matrix[:3, :3] / np.linalg.norm(matrix[:3, :3], axis=0)
+        if np.abs(axes.T @ axes - np.eye(3)).max() > _SHEARED:
+            notes.add("simplified", "its transform is sheared: apply it to its parents to be exact")
+
+
+def _world(depsgraph: bpy.types.Depsgraph) -> tuple[NDArray[np.float32], tuple[Notice, ...]]:
+    """Return the world's radiance, (3,); black where it is not the same from everywhere."""
+    black = np.zeros(3, dtype=np.float32)
+    world = depsgraph.view_layer_eval.world_override or depsgraph.scene_eval.world
+    if world is None or not world.cycles_visibility.diffuse:
+        return black, ()
+    notes = Notes(f"world '{world.name}'")
+    if world.node_tree is None:
+        radiance = np.array(world.color, dtype=np.float64)
+    else:
+        radiance = constant_emission(world.node_tree, ColourReader(ImageTable(), notes))
+    for notice in notes.notices:
+        if notice.kind == "simplified":
+            message = f"lights nothing: only constant colours do ({notice.message})"
+            return black, (Notice("left out", notice.subject, message),)
+    if not np.isfinite(radiance).all():
+        notes.add("left out", "lights nothing: its colour is not a number")
+        return black, notes.notices
+    if (radiance < 0.0).any():
+        notes.add("simplified", _NEGATIVE)
+    if not getattr(world.cycles, "use_shadows", True):
+        notes.add("simplified", _SHADOWLESS)
+    return np.maximum(radiance, 0.0).astype(np.float32), notes.notices
+
+
+def _unit(vector: Float64) -> Float64:
+    """Return a vector of length one, or zero if it has no length."""
+    length = float(np.linalg.norm(vector))
+    return vector / length if length > 0.0 else vector
+
+
+def _stack(kind: type[Kind], rows: list[Row]) -> Kind:
+    """Turn rows into arrays: float32, or bool."""
+    if not rows:
+        return kind()
+    columns: dict[str, Any] = {"names": tuple(row["names"] for row in rows)}
+    for name in rows[0].keys() - {"names"}:
+        column = np.array([row[name] for row in rows])
+        columns[name] = column if column.dtype == np.bool_ else column.astype(np.float32)
+    return kind(**columns)
