@@ -1,7 +1,7 @@
-"""OpenEXR files of named float channels, by the format's own library.
+"""OpenEXR files of named float channels: the only file that knows the OpenEXR library.
 
-Blender hands out the pixels of a render's passes only as a file, and its own reader of layered files
-gives Python no pixels.
+Blender hands out the pixels of a render's passes only as a layered file, and its own reader gives Python no pixels of
+such a file.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ try:
 except Exception as error:  # a missing shared library raises OSError or ImportError
     raise DependencyError(
         f"OpenEXR does not load ({error}): reinstall the extension for this Blender, "
-        "or `pip install OpenEXR` for this Python"
+        "or `pip install openexr` for this Python"
     ) from error
 
 
@@ -40,9 +40,9 @@ def write_exr(path: Path, channels: Mapping[str, Float32]) -> None:
         The file cannot be written.
     """
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    pixels = {name: np.ascontiguousarray(image[::-1], dtype=np.float32) for name, image in channels.items()}
+    rows_down = {name: np.ascontiguousarray(pixels[::-1], dtype=np.float32) for name, pixels in channels.items()}
     try:
-        with OpenEXR.File(header, pixels) as file:
+        with OpenEXR.File(header, rows_down) as file:
             file.write(str(path))
     except (OSError, RuntimeError) as error:
         raise GridFileError(
@@ -56,13 +56,14 @@ def read_exr(path: Path) -> dict[str, Float32]:
     Raises
     ------
     GridFileError
-        The file is missing, truncated or of a kind that is not read here.
+        The file is missing or damaged.
     """
     try:
         with OpenEXR.File(str(path), separate_channels=True) as file:
             return {
                 name: np.ascontiguousarray(channel.pixels[::-1], dtype=np.float32)
-                for name, channel in file.channels().items()
+                for part in file.parts
+                for name, channel in part.channels.items()
             }
-    except (OSError, RuntimeError, ValueError) as error:
-        raise GridFileError(f"cannot read {path} ({error}): check that it exists and is an OpenEXR image") from error
+    except (OSError, RuntimeError) as error:
+        raise GridFileError(f"cannot read {path} ({error}): check that it is a whole OpenEXR file") from error

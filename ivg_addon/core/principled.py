@@ -96,11 +96,6 @@ def diffuse_share(layers: Layers) -> Float64:
     return below * (COSINE_WEIGHTS @ through)
 
 
-def specular_share(layers: Layers) -> float:
-    """Return the share of light that the layers over the diffuse lobe reflect, averaged over RGB."""
-    return float(1.0 - np.mean(diffuse_share(layers)))
-
-
 def oren_nayar_albedo(colour: Float64, roughness: float) -> Float64:
     """Return the total reflectance of a rough diffuse lobe of that colour, any shape.
 

@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A Blender scene, as the arrays that a bake reads.
+
+First all that is needed is read from Blender, on its main thread; then numpy makes triangles in
+world space of it. Closing the generators at any step leaves nothing behind in Blender.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Iterator
+from dataclasses import dataclass, fields
+from typing import TypeVar
+
+import bpy
+import numpy as np
+
+from ..core.errors import Cancelled, SceneError
+from ..core.instancing import Flattened, Instance, MeshData, flatten_steps
+from ..core.lights import Lights
+from ..core.memory import human
+from ..core.progress import Progress
+from ..core.report import Notice, merge
+from ..core.scene import Materials, Scene, Texture
+from .export_depsgraph import with_render_depsgraph
+from .export_geometry import GeometryReader
+from .export_lights import export_lights
+from .export_materials import MaterialTable
+
+Result = TypeVar("Result")
+Steps = Generator[Progress, None, Result]
+
+_READING = 0.5
+"""Share of the whole that reading takes."""
+_MANY_COPIES = 4
+"""From so many times the unique triangles on, a notice says that instances cost memory."""
+_WORKING_SPACE = "Linear Rec.709"
+
+
+def export_scene(depsgraph: bpy.types.Depsgraph) -> Scene:
+    """Return what a depsgraph shows, all at once; see `export_steps`."""
+    return _drain(export_steps(depsgraph))
+
+
+def export_steps(depsgraph: bpy.types.Depsgraph) -> Steps[Scene]:
+    """Return what an evaluated depsgraph shows, in small steps.
+
+    It must not be evaluated anew before the generator is done: between steps, nothing in Blender
+    may change. Where that cannot be promised, or where the viewport's depsgraph is all there is,
+    use `export_render_steps`.
+
+    Raises
+    ------
+    SceneError
+        When there is nothing that light could meet.
+    MemoryLimitError
+        When the geometry with all instances does not fit.
+    """
+    reading = yield from _read_steps(depsgraph)
+    return (yield from _build_steps(reading, depsgraph.scene.name))
+
+
+def export_render_steps(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> Steps[Scene]:
+    """Return what a render of a view layer would show, in steps.
+
+    The first step evaluates the scene and reads all of it, for nothing may change in between;
+    Esc stops it. The later ones no longer need Blender.
+
+    Raises
+    ------
+    Cancelled
+        When the user asked to stop during the first step.
+    SceneError
+        When there is nothing that light could meet, or a render is running.
+    MemoryLimitError
+        When the geometry with all instances does not fit.
+    """
+    yield Progress("Evaluating the scene", 0.0)
+    reading = with_render_depsgraph(scene, view_layer, lambda depsgraph, stop: _drain(_read_steps(depsgraph), stop))
+    return (yield from _build_steps(reading, scene.name))
+
+
+@dataclass(frozen=True)
+class _Reading:
+    """All that was read from Blender; none of it refers to Blender's data."""
+
+    meshes: list[MeshData]
+    instances: list[Instance]
+    objects: tuple[str, ...]
+    diffuse_visible: tuple[bool, ...]
+    materials: Materials
+    textures: tuple[Texture, ...]
+    lights: Lights
+    notices: tuple[Notice, ...]
+
+
+def _read_steps(depsgraph: bpy.types.Depsgraph) -> Steps[_Reading]:
+    """Read everything from an evaluated depsgraph, one object instance per step."""
+    view_layer = depsgraph.view_layer_eval
+    materials = MaterialTable(depsgraph.scene_eval, view_layer.material_override)
+    geometry = GeometryReader(materials)
+    count = max(1, len(depsgraph.object_instances))
+    for index, instance in enumerate(depsgraph.object_instances):
+        geometry.add(instance)
+        yield Progress("Reading the scene", _READING * index / count)
+    lights, light_notices = export_lights(depsgraph)
+    return _Reading(
+        meshes=geometry.meshes,
+        instances=geometry.instances,
+        objects=tuple(geometry.objects),
+        diffuse_visible=tuple(geometry.diffuse_visible),
+        materials=materials.materials(),
+        textures=materials.textures,
+        lights=lights,
+        notices=merge((*_colour_notices(), *geometry.notices, *materials.notices, *light_notices)),
+    )
+
+
+def _build_steps(reading: _Reading, name: str) -> Steps[Scene]:
+    """Make the scene of what was read. Touches no Blender data."""
+    flattening = flatten_steps(reading.meshes, reading.instances)
+    try:
+        while True:
+            step = next(flattening)
+            yield Progress(step.task, _READING + (1.0 - _READING) * step.fraction)
+    except StopIteration as end:
+        flattened: Flattened = end.value
+    if not flattened.geometry.triangle_count:
+        raise SceneError(
+            f"scene '{name}' has no mesh, curve, surface or text that light could meet: add one, or show it in renders"
+        )
+    return Scene(
+        name=name,
+        geometry=flattened.geometry,
+        materials=reading.materials,
+        textures=reading.textures,
+        lights=reading.lights,
+        objects=reading.objects,
+        diffuse_visible=np.array(reading.diffuse_visible, dtype=np.bool_),
+        notices=merge((*reading.notices, *_geometry_notices(reading, flattened))),
+    )
+
+
+def _geometry_notices(reading: _Reading, flattened: Flattened) -> Iterator[Notice]:
+    """Say which triangles cannot be lit, and what instances cost."""
+    for index, count in flattened.dropped.items():
+        triangles = "1 triangle" if count == 1 else f"{count:,} triangles"
+        yield Notice(
+            "warning",
+            f"object '{reading.objects[index]}'",
+            f"{triangles} without area or with coordinates that are not numbers left out",
+        )
+    total = flattened.geometry.triangle_count
+    if total > _MANY_COPIES * flattened.unique_triangles:
+        geometry = flattened.geometry
+        size = sum(getattr(geometry, array.name).nbytes for array in fields(geometry))
+        yield Notice(
+            "simplified",
+            "instances",
+            f"written out one by one: {flattened.unique_triangles:,} triangles became {total:,}, "
+            f"{human(size)} of memory",
+        )
+
+
+def _colour_notices() -> Iterator[Notice]:
+    """Say so where colours are not what the whole bake takes them for."""
+    space = bpy.data.colorspace.working_space
+    if space != _WORKING_SPACE:
+        yield Notice("simplified", "colours", f"working space '{space}' taken as '{_WORKING_SPACE}'")
+
+
+def _drain(steps: Steps[Result], stop: Callable[[], bool] = lambda: False) -> Result:
+    """Take all steps and return what they return; raises `Cancelled` as soon as `stop` says so."""
+    try:
+        while not stop():
+            next(steps)
+    except StopIteration as end:
+        result: Result = end.value
+        return result
+    steps.close()
+    raise Cancelled("export stopped, nothing was changed")
