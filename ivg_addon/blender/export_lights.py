@@ -201,15 +201,17 @@ def _world(depsgraph: bpy.types.Depsgraph) -> tuple[NDArray[np.float32], tuple[N
     world = depsgraph.view_layer_eval.world_override or depsgraph.scene_eval.world
     if world is None or not world.cycles_visibility.diffuse:
         return black, ()
-    notes = Notes(f"world '{world.name}'")
+    subject = f"world '{world.name}'"
+    notes = Notes(subject)
     if world.node_tree is None:
         radiance = np.array(world.color, dtype=np.float64)
     else:
         radiance = constant_emission(world.node_tree, ColourReader(ImageTable(), notes))
     for notice in notes.notices:
         if notice.kind == "simplified":
-            message = f"lights nothing: only constant colours do ({notice.message})"
-            return black, (Notice("left out", notice.subject, message),)
+            # The reader's note says what it took a constant for; here no constant is taken.
+            node = notice.message.rpartition("instead of ")[2]
+            return black, (Notice("left out", subject, f"lights nothing: of one colour it would, but it has {node}"),)
     if not np.isfinite(radiance).all():
         notes.add("left out", "lights nothing: its colour is not a number")
         return black, notes.notices

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -81,7 +82,7 @@ class IrradianceVectorGrid:
     record: BakeRecord = field(compare=False)
 
     def __post_init__(self) -> None:
-        """Check the shapes."""
+        """Check shapes and types."""
         if self.vectors.shape != (*self.lattice.shape, 6, 3, 3):
             raise SettingsError(
                 f"grid vectors have shape {self.vectors.shape}: "
@@ -92,6 +93,9 @@ class IrradianceVectorGrid:
                 f"grid validity has shape {self.validity.shape}: "
                 f"a grid of {self.resolution} voxels needs {self.lattice.shape}"
             )
+        for name, array in (("vectors", self.vectors), ("validity", self.validity)):
+            if array.dtype != np.float32:
+                raise SettingsError(f"grid {name}: {array.dtype} instead of float32")
 
     @property
     def resolution(self) -> tuple[int, int, int]:
@@ -144,14 +148,19 @@ class IrradianceVectorGrid:
             Shapes that do not agree, coordinates that are not finite, normals of length zero, an
             interpolation that does not exist.
         """
-        p = np.ascontiguousarray(points, dtype=np.float64)
-        n = np.ascontiguousarray(normals, dtype=np.float64)
+        try:
+            p = np.ascontiguousarray(points, dtype=np.float64)
+            n = np.ascontiguousarray(normals, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise SettingsError(f"points and normals must be numbers in the shape (n, 3): {error}") from error
         if p.ndim != 2 or p.shape[1] != 3 or p.shape != n.shape:
             raise SettingsError(f"points {p.shape} and normals {n.shape} must both have the shape (n, 3)")
         if not (np.isfinite(p).all() and np.isfinite(n).all()):
             raise SettingsError("points and normals must be finite numbers: NaN or infinity given")
         if not n.any(axis=1).all():
             raise SettingsError("normals must not have length zero")
+        if not math.isfinite(normal_bias):
+            raise SettingsError(f"normal bias {normal_bias}: use a number of voxels, for instance {DEFAULT_NORMAL_BIAS}")
         try:
             spatial, directional = Spatial(spatial), Directional(directional)
         except ValueError as error:

@@ -13,7 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiled import inlined, kernel
+from .compiled import inlined, kernel, merged
 from .dual_cells import Lattice
 from .reconstruction import DIRECTIONAL_CODES, directional_coefficients
 from .settings import Directional, Spatial
@@ -21,20 +21,21 @@ from .settings import Directional, Spatial
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 
-_CHUNK = 32_768
+CHUNK = 32_768
+"""Points that a thread looks up at a time."""
 
 _BEHIND = 0.02
 """What remains of the weight of a vertex right behind a surface, so that weights never vanish."""
 
 
-@inlined
+@merged
 def linear_weights(f, w):
     """Fill w[0:2] with the linear interpolation weights at fraction f in [0, 1]."""
     w[0] = 1.0 - f
     w[1] = f
 
 
-@inlined
+@merged
 def cubic_weights(f, w):
     """Fill w[0:4] with the cubic B-spline's weights at fraction f in [0, 1].
 
@@ -47,7 +48,7 @@ def cubic_weights(f, w):
     w[3] = f * f * f / 6.0
 
 
-@inlined
+@merged
 def stencil(g, counts, support, base, w):
     """Fill base (3,) with the first vertex around grid position g and w (3, support) with weights.
 
@@ -63,65 +64,78 @@ def stencil(g, counts, support, base, w):
             base[axis] = cell - 1
 
 
-@inlined
-def vertex_index(base, a, b, c, counts):
-    """Return the flat index of a stencil's vertex; beyond the grid the edge repeats."""
-    i = min(max(base[0] + a, 0), counts[0] - 1)
-    j = min(max(base[1] + b, 0), counts[1] - 1)
-    k = min(max(base[2] + c, 0), counts[2] - 1)
-    return (i * counts[1] + j) * counts[2] + k
+@merged
+def weigh(validity, counts, support, base, w, vertices, weights):
+    """Fill vertices and weights, (support³,) each, of a stencil; beyond the grid the edge repeats.
 
-
-@inlined
-def unlit_share(validity, base, w, support, counts):
-    """Return how much geometry cuts the cells around a point: 0 in the open, ½ at a plane."""
+    Returns
+    -------
+    float
+        The unlit share of the cells around the point, how much geometry cuts them: 0 in the open, ½ at a plane.
+    """
     unlit = 0.0
+    entry = 0
     for a in range(support):
+        i = min(max(base[0] + a, 0), counts[0] - 1)
         for b in range(support):
+            j = min(max(base[1] + b, 0), counts[1] - 1)
             wab = w[0, a] * w[1, b]
             for c in range(support):
-                vertex = vertex_index(base, a, b, c, counts)
-                unlit += wab * w[2, c] * (1.0 - validity[vertex])
+                k = min(max(base[2] + c, 0), counts[2] - 1)
+                vertex = (i * counts[1] + j) * counts[2] + k
+                weight = wab * w[2, c]
+                unlit += weight * (1.0 - validity[vertex])
+                vertices[entry] = vertex
+                weights[entry] = weight
+                entry += 1
     return unlit
 
 
-@inlined
-def facing(g, n, base, a, b, c, proximity):
-    """Return the weight factor of a vertex for a surface at g with normal n.
+@merged
+def lean(validity, g, n, support, base, proximity, vertices, weights):
+    """Change a stencil's weights (support³,) for a surface at g with normal n.
 
-    ((1 + cos)/2 + ε)^proximity, cos between n and the direction to the vertex: what lies behind
-    the surface is rarely seen from it (Majercik et al., "Dynamic Diffuse Global Illumination with
-    Ray-Traced Irradiance Fields", JCGT 2019, weigh probes by this cosine). One in the open.
+    Vertices without lit volume get none; the others ((1 + cos)/2 + ε)^proximity of theirs, cos between n and the
+    direction to the vertex: what lies behind the surface is rarely seen from it (Majercik et al., "Dynamic Diffuse Global
+    Illumination with Ray-Traced Irradiance Fields", JCGT 2019, weigh probes by this cosine).
     """
-    x, y, z = base[0] + a - g[0], base[1] + b - g[1], base[2] + c - g[2]
-    length = math.sqrt(x * x + y * y + z * z)
-    cosine = (x * n[0] + y * n[1] + z * n[2]) / length if length > 0.0 else 1.0
-    return ((1.0 + cosine) / 2.0 + _BEHIND) ** proximity
+    entry = 0
+    for a in range(support):
+        for b in range(support):
+            for c in range(support):
+                x, y, z = base[0] + a - g[0], base[1] + b - g[1], base[2] + c - g[2]
+                length = math.sqrt(x * x + y * y + z * z)
+                cosine = (x * n[0] + y * n[1] + z * n[2]) / length if length > 0.0 else 1.0
+                if validity[vertices[entry]] > 0.0:
+                    weights[entry] *= ((1.0 + cosine) / 2.0 + _BEHIND) ** proximity
+                else:
+                    weights[entry] = 0.0
+                entry += 1
 
 
-@inlined
-def blend(vectors, validity, counts, support, base, w, g, n, proximity, blended):
-    """Fill blended (54,) with the weighted vectors of a stencil; return the sum of its weights.
-
-    Vertices without lit volume get no weight.
-    """
+@merged
+def blend(vectors, vertices, weights, size, blended):
+    """Fill blended (54,) with the weighted vectors of `size` vertices; return the sum of the weights."""
     for m in range(54):
         blended[m] = 0.0
     total = 0.0
-    for a in range(support):
-        for b in range(support):
-            wab = w[0, a] * w[1, b]
-            for c in range(support):
-                vertex = vertex_index(base, a, b, c, counts)
-                weight = wab * w[2, c]
-                if validity[vertex] > 0.0 and weight > 0.0:
-                    if proximity > 0.0:
-                        weight *= facing(g, n, base, a, b, c, proximity)
-                    total += weight
-                    share = np.float32(weight)
-                    for m in range(54):
-                        blended[m] += share * vectors[vertex, m]
+    for entry in range(size):
+        if weights[entry] > 0.0:
+            total += weights[entry]
+            share = np.float32(weights[entry])
+            vertex = np.uint64(vertices[entry])
+            for m in range(54):
+                blended[m] += share * vectors[vertex, m]
     return total
+
+
+@inlined
+def unit(x, y, z):
+    """Return the unit vector along a vector of any length that floats can hold, but zero."""
+    largest = max(abs(x), max(abs(y), abs(z)))
+    x, y, z = x / largest, y / largest, z / largest
+    length = math.sqrt(x * x + y * y + z * z)
+    return x / length, y / length, z / length
 
 
 @kernel
@@ -135,23 +149,26 @@ def look_up(points, normals, vectors, validity, low, voxel, counts, support, dir
     base = np.empty(3, dtype=np.int64)
     g = np.empty(3)
     c = np.empty((6, 3))
+    vertices = np.empty(64, dtype=np.int64)
+    weights = np.empty(64)
     blended = np.empty(54, dtype=np.float32)
     for q in range(len(points)):
-        length = math.sqrt(normals[q, 0] ** 2 + normals[q, 1] ** 2 + normals[q, 2] ** 2)
-        n = (normals[q, 0] / length, normals[q, 1] / length, normals[q, 2] / length)
+        n = unit(normals[q, 0], normals[q, 1], normals[q, 2])
         for axis in range(3):
             position = (points[q, axis] - low[axis]) / voxel[axis]
             g[axis] = min(max(position, 0.0), counts[axis] - 1.0)
         stencil(g, counts, support, base, w)
-        unlit = unlit_share(validity, base, w, support, counts)
-        # A plane that halves every cell around the point is as near as a surface comes.
-        proximity = min(1.0, 2.0 * unlit)
-        if unlit > 0.0 and bias != 0.0:
-            for axis in range(3):
-                position = g[axis] + bias * unlit * n[axis]
-                g[axis] = min(max(position, 0.0), counts[axis] - 1.0)
-            stencil(g, counts, support, base, w)
-        total = blend(vectors, validity, counts, support, base, w, g, n, proximity, blended)
+        unlit = weigh(validity, counts, support, base, w, vertices, weights)
+        if unlit > 0.0:
+            if bias != 0.0:
+                for axis in range(3):
+                    position = g[axis] + bias * unlit * n[axis]
+                    g[axis] = min(max(position, 0.0), counts[axis] - 1.0)
+                stencil(g, counts, support, base, w)
+                weigh(validity, counts, support, base, w, vertices, weights)
+            # A plane that halves every cell around the point is as near as a surface comes.
+            lean(validity, g, n, support, base, min(1.0, 2.0 * unlit), vertices, weights)
+        total = blend(vectors, vertices, weights, support * support * support, blended)
         directional_coefficients(directional, n, c)
         for channel in range(3):
             e = 0.0
@@ -187,10 +204,10 @@ def irradiance(
     )
 
     def chunk(start: int) -> None:
-        part = slice(start, start + _CHUNK)
+        part = slice(start, start + CHUNK)
         look_up(points[part], normals[part], *grid, out[part])
 
-    starts = range(0, len(points), _CHUNK)
+    starts = range(0, len(points), CHUNK)
     if len(starts) < 2:
         for start in starts:
             chunk(start)

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from .compiled import inlined
+from .compiled import merged
 from .settings import Directional
 
 REPORT = 0
@@ -19,7 +19,7 @@ LEAST_SQUARES = 1
 DIRECTIONAL_CODES = {Directional.REPORT: REPORT, Directional.LEAST_SQUARES: LEAST_SQUARES}
 
 
-@inlined
+@merged
 def report_coefficients(n, c):
     """Fill c (6, 3): E = Σ_k n_k² ⟨I_k, n⟩, axis k on the side of n's sign. [IVG §4.1].
 
@@ -32,7 +32,7 @@ def report_coefficients(n, c):
             c[2 * k + 1 - side, j] = 0.0
 
 
-@inlined
+@merged
 def least_squares_coefficients(n, c):
     """Fill c (6, 3): the least-squares projection of the clamped cosine (design in docs/method.md).
 
@@ -59,7 +59,7 @@ def least_squares_coefficients(n, c):
             c[2 * k + 1, j] = 0.5 * (n[j] / 3.0 - w)
 
 
-@inlined
+@merged
 def directional_coefficients(directional, n, c):
     """Fill c (6, 3) for one of the codes `REPORT`, `LEAST_SQUARES`; n must be a unit vector."""
     if directional == REPORT:
