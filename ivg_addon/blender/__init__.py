@@ -1,0 +1,1 @@
+"""Everything that reads or writes Blender: export, properties, panels, comparison, command line."""

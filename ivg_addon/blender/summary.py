@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a bake did, in words: the same lines for the panel, the console and the command line."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from datetime import datetime
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..core.report import Notice
+
+if TYPE_CHECKING:
+    from ..core.bake import BakeResult, BakeStatistics
+    from ..core.grid import IrradianceVectorGrid
+    from ..core.settings import Vec3
+
+Row = tuple[str, str]
+"""A label and a value."""
+
+_LUMINANCE = (0.2126, 0.7152, 0.0722)
+
+
+def count(number: float) -> str:
+    """Return a count for people: ``8.0 million``, ``1.5 billion``, ``20,000``."""
+    for size, word in ((1e9, "billion"), (1e6, "million")):
+        if number >= size:
+            return f"{number / size:.1f} {word}"
+    return f"{number:,.0f}"
+
+
+def duration(seconds: float) -> str:
+    """Return a time span for people: ``0.8 s``, ``42 s``, ``3 min 20 s``, ``2 h 5 min``."""
+    if seconds < 9.95:
+        return f"{seconds:.1f} s"
+    whole = round(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60} s"
+    return f"{whole // 3600} h {whole % 3600 // 60} min"
+
+
+def memory(size: float) -> str:
+    """Return a size in bytes for people: ``2.0 MiB``."""
+    if size < 1 << 20:
+        return f"{size / (1 << 10):.1f} KiB"
+    if size < 1 << 30:
+        return f"{size / (1 << 20):.1f} MiB"
+    return f"{size / (1 << 30):.1f} GiB"
+
+
+def grid_memory(resolution: Iterable[int]) -> int:
+    """Return the bytes of a grid: six vectors of three channels and a validity per vertex."""
+    vertices = math.prod(number + 1 for number in resolution)
+    return vertices * (6 * 3 * 3 + 1) * 4
+
+
+def voxels(resolution: Iterable[int]) -> str:
+    """Return ``20 × 22 × 20``."""
+    return " × ".join(str(number) for number in resolution)
+
+
+def box(low: Iterable[float], high: Iterable[float]) -> str:
+    """Return two corners in metres: ``(0, 0, 0) to (2, 2, 2) m``."""
+    corners = (", ".join(f"{value:.4g}" for value in corner) for corner in (low, high))
+    return "({}) to ({}) m".format(*corners)
+
+
+def _luminance(power: Vec3) -> float:
+    return float(np.dot(power, _LUMINANCE))
+
+
+def grid_rows(grid: IrradianceVectorGrid) -> list[Row]:
+    """Return what a grid is: its voxels, its box, and what it was baked with."""
+    record = grid.record
+    settings = record.settings
+    created = datetime.fromisoformat(record.created).astimezone()
+    size = grid.vectors.nbytes + grid.validity.nbytes
+    return [
+        ("Baked", f"{created:%Y-%m-%d %H:%M}, version {record.version}"),
+        ("Scene", record.scene),
+        ("Grid", f"{voxels(grid.resolution)} voxels, {memory(size)}"),
+        ("Box", box(grid.bounds_min, grid.bounds_max)),
+        ("Lit", f"{np.mean(grid.validity > 0):.1%} of the vertices"),
+        (
+            "Settings",
+            f"{count(settings.photons)} photons, {settings.bounces} bounces, "
+            f"{settings.estimator.replace('_', ' ').lower()}, seed {settings.seed}"
+            + (", direct light included" if settings.include_direct else ""),
+        ),
+    ]
+
+
+def bake_rows(result: BakeResult, seconds: float, peak_bytes: int) -> list[Row]:
+    """Return what a bake did: the grid, the photons, where the light went, time and memory.
+
+    Parameters
+    ----------
+    seconds
+        Wall-clock time of all of it, the export included.
+    peak_bytes
+        The most memory that the whole program has held.
+    """
+    done = result.statistics
+    return [
+        *grid_rows(result.grid),
+        (
+            "Photons",
+            f"{count(done.photons_per_second)} a second, {done.rays / max(done.photons, 1):.2f} flights each",
+        ),
+        ("Light", _where_it_went(done)),
+        (
+            "Time",
+            f"{duration(seconds)} on {done.threads} thread{'s' if done.threads > 1 else ''}: "
+            f"photons {duration(done.photon_seconds)}, lit volume {duration(done.lit_seconds)}",
+        ),
+        ("Memory", f"{memory(done.grid_bytes)} for the grid, {memory(peak_bytes)} at most for all of Blender"),
+    ]
+
+
+def _where_it_went(statistics: BakeStatistics) -> str:
+    """Return the lights' power and where it went, weighted by luminance."""
+    ends = {
+        "absorbed": _luminance(statistics.absorbed),
+        "escaped": _luminance(statistics.escaped),
+        "cut after the last bounce": _luminance(statistics.cut),
+    }
+    total = sum(ends.values()) or 1.0
+    shares = (f"{watts / total:.1%} {end}" for end, watts in ends.items())
+    return f"{_luminance(statistics.emitted):.4g} W emitted: {', '.join(shares)}"
+
+
+def table(rows: Iterable[Row], notices: Iterable[Notice] = ()) -> str:
+    """Return rows and notices as lines of text."""
+    lines = [f"{label + ':':<10}{value}" for label, value in rows]
+    return "\n".join([*lines, *(str(notice) for notice in notices)])

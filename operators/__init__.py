@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One file per user action: each translates its inputs, calls one function, reports the result."""
+
+
+def register() -> None:
+    """Add the operators to Blender."""
+    import bpy
+
+    done = []
+    try:
+        for cls in _classes():
+            bpy.utils.register_class(cls)
+            done.append(cls)
+    except Exception:
+        for cls in reversed(done):
+            bpy.utils.unregister_class(cls)
+        raise
+
+
+def unregister() -> None:
+    """Take the operators away."""
+    import bpy
+
+    for cls in reversed(_classes()):
+        bpy.utils.unregister_class(cls)
+
+
+def _classes() -> list[type]:
+    """Return every operator."""
+    from .bake import IVG_OT_bake
+    from .bounds_add import IVG_OT_bounds_add
+    from .cancel import IVG_OT_cancel
+    from .clear import IVG_OT_clear
+    from .compare import IVG_OT_compare
+    from .copy_summary import IVG_OT_copy_summary
+    from .dismiss_error import IVG_OT_dismiss_error
+
+    return [
+        IVG_OT_bake,
+        IVG_OT_bounds_add,
+        IVG_OT_cancel,
+        IVG_OT_clear,
+        IVG_OT_compare,
+        IVG_OT_copy_summary,
+        IVG_OT_dismiss_error,
+    ]
