@@ -1,17 +1,18 @@
 """Which share of each dual cell light can reach.
 
 A cell that a wall or a solid cuts averages where no light is. Its tally is therefore divided by
-its lit volume, found with points spread through the cell: random rays from the point tell by the
-first surface that they meet, from knowledge that falls out of the photon walk:
+its lit volume, found with points spread through the cell. Random rays from a point vote, by the
+first surface that they meet and by what the photon walk found out about it:
 
 * a side that received many photons: the point is lit;
 * a side that received none while its other side did: the point is behind or inside something;
 * a side that received a few: perhaps a dim room, perhaps a leak (at an edge, rounding lets one
-  photon in ten million through); the point is lit if no other ray knows better;
+  photon in ten million through); half a vote for lit;
 * neither side received any: this tells nothing (a leaf too small to be hit, the gap under a box);
 * nothing: lit where a world shines, else this tells nothing.
 
-Rays are sent until one decides, `_MOST_RAYS` at most.
+Two votes ahead decide. One would not do: photons are counted in patches, and a patch of a floor may
+lie on both sides of a wall that stands on it.
 """
 
 from __future__ import annotations
@@ -44,10 +45,9 @@ MANY_PHOTONS = 16
 LEAK_RATIO = 1e-4
 """A side that received less than this share of what its other side received counts as unlit."""
 
-UNKNOWN = -1
-UNLIT = 0
-LIT = 1
-PERHAPS_LIT = 2
+UNLIT, UNKNOWN, PERHAPS_LIT, LIT = -2, 0, 1, 2
+"""What a ray says of the point it starts from, in half votes."""
+_MAJORITY = 4
 
 
 @kernel
@@ -207,14 +207,14 @@ class LightKnowledge:
         `identifiers` (n,) int64 address the random rays, so that the answer does not depend on
         how points are batched.
         """
-        lit = np.zeros(len(points), dtype=bool)
-        open_rows = np.arange(len(points))
+        votes = np.zeros(len(points), dtype=np.int8)
+        undecided = np.arange(len(points))
         for attempt in range(_MOST_RAYS):
-            origins = np.ascontiguousarray(points[open_rows])
+            origins = np.ascontiguousarray(points[undecided])
             directions = np.empty_like(origins)
-            spread_directions(identifiers[open_rows], attempt, seed, directions)
+            spread_directions(identifiers[undecided], attempt, seed, directions)
             hits = self.tracer.intersect(origins, directions)
-            verdict = np.empty(len(open_rows), dtype=np.int8)
+            verdict = np.empty(len(undecided), dtype=np.int8)
             judge(
                 directions,
                 hits.triangle,
@@ -228,12 +228,11 @@ class LightKnowledge:
                 self.world_shines,
                 verdict,
             )
-            lit[open_rows[(verdict == LIT) | (verdict == PERHAPS_LIT)]] = True
-            lit[open_rows[verdict == UNLIT]] = False
-            open_rows = open_rows[(verdict == UNKNOWN) | (verdict == PERHAPS_LIT)]
-            if len(open_rows) == 0:
+            votes[undecided] += verdict
+            undecided = undecided[np.abs(votes[undecided]) < _MAJORITY]
+            if len(undecided) == 0:
                 break
-        return lit
+        return votes > 0
 
 
 def lit_share_steps(

@@ -95,19 +95,18 @@ def weigh(validity, counts, support, base, w, vertices, weights):
 def lean(validity, g, n, support, base, proximity, vertices, weights):
     """Change a stencil's weights (support³,) for a surface at g with normal n.
 
-    Vertices without lit volume get none; the others ((1 + cos)/2 + ε)^proximity of theirs, cos between n and the
-    direction to the vertex: what lies behind the surface is rarely seen from it (Majercik et al., "Dynamic Diffuse Global
-    Illumination with Ray-Traced Irradiance Fields", JCGT 2019, weigh probes by this cosine).
+    Vertices without lit volume get none; the others ((1 + a)/2 + ε)^proximity of theirs, a how many voxels they lie
+    ahead of the surface, within ±1: what lies behind it is rarely seen from it. (Majercik et al., "Dynamic Diffuse
+    Global Illumination with Ray-Traced Irradiance Fields", JCGT 2019, weigh probes by the cosine to them, which is
+    singular where the point meets a vertex.)
     """
     entry = 0
     for a in range(support):
         for b in range(support):
             for c in range(support):
-                x, y, z = base[0] + a - g[0], base[1] + b - g[1], base[2] + c - g[2]
-                length = math.sqrt(x * x + y * y + z * z)
-                cosine = (x * n[0] + y * n[1] + z * n[2]) / length if length > 0.0 else 1.0
+                ahead = (base[0] + a - g[0]) * n[0] + (base[1] + b - g[1]) * n[1] + (base[2] + c - g[2]) * n[2]
                 if validity[vertices[entry]] > 0.0:
-                    weights[entry] *= ((1.0 + cosine) / 2.0 + _BEHIND) ** proximity
+                    weights[entry] *= ((1.0 + min(max(ahead, -1.0), 1.0)) / 2.0 + _BEHIND) ** proximity
                 else:
                     weights[entry] = 0.0
                 entry += 1

@@ -76,7 +76,7 @@ class BakeSettings:
     estimator: Estimator = Estimator.TRACK_LENGTH
     include_direct: bool = False
     threads: int = 0
-    lit_points: int = 1024
+    lit_points: int = 512
 
     def __post_init__(self) -> None:
         """Check every limit; raises `SettingsError` that names the setting."""
