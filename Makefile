@@ -61,7 +61,7 @@ lock: venv-dev
 	$(PY) -m scripts.lock_wheels
 
 clean:
-	rm -rf .venv* dist wheels cornell.ivg.npz cornell.png .mypy_cache .ruff_cache .pytest_cache .import_linter_cache
+	rm -rf .venv* dist wheels cornell.ivg.npz cornell.png cornell.exr .mypy_cache .ruff_cache .pytest_cache .import_linter_cache
 
 debian:
 	@scripts/install_debian.sh

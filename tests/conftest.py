@@ -6,6 +6,7 @@ from __future__ import annotations
 import atexit
 import os
 import shutil
+import sys
 import tempfile
 from pathlib import Path
 
@@ -28,10 +29,17 @@ def extension() -> str:
     Its `ivg_addon` is another copy than the one that `import ivg_addon` gives: the classes of the two differ.
     """
     import bpy
+    import numba
 
-    folder = Path(RESOURCES, "dev")
-    folder.mkdir()
-    (folder / "irradiance_vector_grid").symlink_to(ROOT, target_is_directory=True)
+    import ivg_addon.core.compiled  # noqa: F401 (it says where this version's kernels are kept)
+
+    # Kernels are found again by their file's path and folder: with a link that stays, the next run need not compile.
+    os.environ["NUMBA_CACHE_DIR"] = numba.config.CACHE_DIR
+    folder = Path(sys.prefix, "extension-under-test")
+    folder.mkdir(exist_ok=True)
+    link = folder / "irradiance_vector_grid"
+    link.unlink(missing_ok=True)
+    link.symlink_to(ROOT, target_is_directory=True)
     bpy.context.preferences.extensions.repos.new(name="dev", module="dev", custom_directory=str(folder))
     module = "bl_ext.dev.irradiance_vector_grid"
     bpy.ops.preferences.addon_enable(module=module)

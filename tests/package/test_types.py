@@ -8,7 +8,7 @@ import ast
 from scripts.wheel_lock import ROOT
 
 CORE = ROOT / "ivg_addon" / "core"
-KERNEL_DECORATORS = {"kernel", "inlined"}
+KERNEL_DECORATORS = {"kernel", "inlined", "merged"}
 
 
 def decorators(function: ast.FunctionDef) -> set[str]:

@@ -60,6 +60,7 @@ def bake(grid: str) -> None:
     """Bake a small grid, as a script would."""
     settings = bpy.context.scene.ivg
     settings.photons = 20_000
+    settings.resolution_mode = "MANUAL"
     settings.resolution = (2, 2, 2)
     settings.filepath = grid
     assert bpy.ops.ivg.bake() == {"FINISHED"}

@@ -1,0 +1,30 @@
+"""Long work as a generator."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+
+import pytest
+
+from ivg_addon.core.errors import SceneError
+from ivg_addon.core.progress import Progress, finish
+
+
+def work(steps: int) -> Generator[Progress, None, str]:
+    for step in range(steps):
+        yield Progress("Working", step / steps)
+    return f"done in {steps}"
+
+
+@pytest.mark.parametrize("steps", [0, 1, 5])
+def test_finish_returns_the_result(steps: int) -> None:
+    assert finish(work(steps)) == f"done in {steps}"
+
+
+def test_finish_hands_on_what_goes_wrong() -> None:
+    def fails() -> Generator[Progress, None, None]:
+        yield Progress("Working", 0.0)
+        raise SceneError("no light")
+
+    with pytest.raises(SceneError, match="no light"):
+        finish(fails())
