@@ -1,0 +1,223 @@
+"""The truth about irradiance: Cycles, asked at any points and normals.
+
+A small white quad stands at each point and faces along the normal; Cycles bakes the diffuse light that arrives at it.
+No ray but the camera's sees the quads, so they neither shade nor light anything, each other included. (The camera must
+see them, or the bake returns zeros.) A white diffuse surface reflects E/π.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from typing import Literal
+
+import bpy
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..core.errors import SceneError, SettingsError
+from ..core.metrics import mean_and_error
+from ..core.progress import Progress
+from .cycles_stage import changed, cycles_stage, removed
+
+Float64 = NDArray[np.float64]
+Component = Literal["INDIRECT", "DIRECT", "ALL"]
+
+BATCHES = 8
+"""Independent bakes; how much they scatter is the standard error."""
+
+_HALF_QUAD = 1e-4
+"""Half of a quad's edge, as a share of the largest coordinate: enough that rounding does not turn it."""
+_CORNERS = 4
+_FILTERS = {"INDIRECT": {"INDIRECT"}, "DIRECT": {"DIRECT"}, "ALL": {"DIRECT", "INDIRECT"}}
+_ATTRIBUTE = "irradiance"
+_UNSEEN = ("diffuse", "glossy", "transmission", "volume_scatter", "shadow")
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What Cycles found.
+
+    Parameters
+    ----------
+    irradiance : (n, 3) float64
+        W/m², linear RGB.
+    error : (n, 3) float64
+        Standard error of each value.
+    """
+
+    irradiance: Float64
+    error: Float64
+
+
+def cycles_irradiance(
+    scene: bpy.types.Scene,
+    points: ArrayLike,
+    normals: ArrayLike,
+    *,
+    view_layer: bpy.types.ViewLayer | None = None,
+    component: Component = "INDIRECT",
+    samples: int = 1024,
+    bounces: int = 12,
+    seed: int = 0,
+) -> Float64:
+    """Return the irradiance (n, 3), W/m², that Cycles computes; see `irradiance_steps`."""
+    steps = irradiance_steps(
+        scene,
+        points,
+        normals,
+        view_layer=view_layer,
+        component=component,
+        samples=samples,
+        bounces=bounces,
+        seed=seed,
+    )
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            measured: Measured = end.value
+            return measured.irradiance
+
+
+def irradiance_steps(
+    scene: bpy.types.Scene,
+    points: ArrayLike,
+    normals: ArrayLike,
+    *,
+    view_layer: bpy.types.ViewLayer | None = None,
+    component: Component = "INDIRECT",
+    samples: int = 1024,
+    bounces: int = 12,
+    seed: int = 0,
+) -> Generator[Progress, None, Measured]:
+    """Measure irradiance by Cycles, one bake a step; the file is as it was whenever this yields, ends or fails.
+
+    Parameters
+    ----------
+    points, normals : (n, 3)
+        Metres, world space; normals of any length but zero.
+    view_layer
+        The active one, or the scene's first, when not given.
+    component
+        "INDIRECT": light after at least one bounce, what a grid holds; "DIRECT": straight from lights, emissive
+        surfaces and the world; "ALL": both.
+    samples
+        Paths per point, in eight independent batches; rounded up to a multiple of 32.
+    bounces
+        Most bounces of light before it arrives.
+
+    Raises
+    ------
+    SceneError
+        Cycles is not enabled, a render is running, or Blender cannot bake.
+    SettingsError
+        Shapes that do not agree, nothing to measure, values that are not finite, normals of length zero.
+    """
+    p, n = _checked(points, normals)
+    layer_name = (view_layer or _view_layer(scene)).name
+    per_corner = max(1, math.ceil(samples / (BATCHES * _CORNERS)))
+    batches = []
+    for batch in range(BATCHES):
+        yield Progress(f"Asking Cycles at {len(p):,} points", batch / BATCHES)
+        batches.append(
+            _bake(scene, scene.view_layers[layer_name], p, n, component, per_corner, bounces, BATCHES * seed + batch)
+        )
+    return Measured(*mean_and_error(batches))
+
+
+def _checked(points: ArrayLike, normals: ArrayLike) -> tuple[Float64, Float64]:
+    """Return points and unit normals, (n, 3) float64."""
+    p, n = np.asarray(points, dtype=np.float64), np.asarray(normals, dtype=np.float64)
+    if p.ndim != 2 or p.shape[1:] != (3,) or p.shape != n.shape or not len(p):
+        raise SettingsError(f"points {p.shape} and normals {n.shape} must both have the shape (n, 3), n at least 1")
+    length = np.linalg.norm(n, axis=1, keepdims=True)
+    if not (np.isfinite(p).all() and np.isfinite(n).all() and length.all()):
+        raise SettingsError("points and normals must be finite numbers, normals not of length zero")
+    return p, n / length
+
+
+def _view_layer(scene: bpy.types.Scene) -> bpy.types.ViewLayer:
+    return bpy.context.view_layer if bpy.context.scene == scene else scene.view_layers[0]
+
+
+def _bake(
+    scene: bpy.types.Scene,
+    view_layer: bpy.types.ViewLayer,
+    points: Float64,
+    normals: Float64,
+    component: Component,
+    samples: int,
+    bounces: int,
+    seed: int,
+) -> Float64:
+    """Bake once; return the irradiance (n, 3)."""
+    with (
+        cycles_stage(scene, view_layer, samples=samples, bounces=bounces, seed=seed) as (stage, layer),
+        _receivers(stage, points, normals) as receivers,
+        changed({(stage.render.bake, "use_multires"): False}),
+        bpy.context.temp_override(
+            scene=stage, view_layer=layer, active_object=receivers, object=receivers, selected_objects=[receivers]
+        ),
+    ):
+        try:
+            bpy.ops.object.bake(
+                type="DIFFUSE", pass_filter=_FILTERS[component], target="VERTEX_COLORS", use_selected_to_active=False
+            )
+        except RuntimeError as error:
+            raise SceneError(f"Cycles cannot bake '{scene.name}': {error}") from error
+        colors = np.empty((len(points), _CORNERS, 4), dtype=np.float32)
+        receivers.data.color_attributes[_ATTRIBUTE].data.foreach_get("color", colors.reshape(-1))
+    return np.asarray(math.pi * colors[:, :, :3].mean(axis=1, dtype=np.float64))
+
+
+@contextmanager
+def _receivers(scene: bpy.types.Scene, points: Float64, normals: Float64) -> Iterator[bpy.types.Object]:
+    """Put quads into a scene, as one object."""
+    data = bpy.data
+    with ExitStack() as stack:
+        material = stack.enter_context(removed(data.materials, _white))
+        mesh = stack.enter_context(removed(data.meshes, lambda: _quads(points, normals)))
+        mesh.materials.append(material)
+        made = stack.enter_context(removed(data.objects, lambda: data.objects.new("Receivers", mesh)))
+        for ray in _UNSEEN:
+            setattr(made, f"visible_{ray}", False)
+        scene.collection.objects.link(made)
+        yield made
+
+
+def _quads(points: Float64, normals: Float64) -> bpy.types.Mesh:
+    """Return a mesh with a square at each point, its front towards the normal."""
+    # The axis that the normal is farthest from gives tangents that never vanish.
+    axis = np.eye(3)[np.abs(normals).argmin(axis=1)]
+    tangent = np.cross(normals, axis)
+    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+    bitangent = np.cross(normals, tangent)
+    half = _HALF_QUAD * (float(np.abs(points).max()) or 1.0)
+    corners = [points + half * (a * tangent + b * bitangent) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    count = len(points)
+    mesh = bpy.data.meshes.new("Receivers")
+    mesh.vertices.add(_CORNERS * count)
+    mesh.vertices.foreach_set("co", np.stack(corners, axis=1).astype(np.float32).reshape(-1))
+    mesh.loops.add(_CORNERS * count)
+    mesh.loops.foreach_set("vertex_index", np.arange(_CORNERS * count, dtype=np.int32))
+    mesh.polygons.add(count)
+    mesh.polygons.foreach_set("loop_start", np.arange(0, _CORNERS * count, _CORNERS, dtype=np.int32))
+    mesh.update()
+    mesh.color_attributes.new(_ATTRIBUTE, "FLOAT_COLOR", "CORNER")
+    mesh.color_attributes.active_color_index = 0
+    return mesh
+
+
+def _white() -> bpy.types.Material:
+    """Return a material that reflects all light diffusely."""
+    material = bpy.data.materials.new("Receivers")
+    tree = material.node_tree
+    tree.nodes.clear()
+    shader = tree.nodes.new("ShaderNodeBsdfDiffuse")
+    shader.inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
+    output = tree.nodes.new("ShaderNodeOutputMaterial")
+    tree.links.new(shader.outputs["BSDF"], output.inputs["Surface"])
+    return material
