@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import json
 import os
+import struct
 import tempfile
 import zipfile
+import zlib
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -30,6 +32,12 @@ VERSION = 1
 SUFFIX = ".ivg.npz"
 
 _MOST_HEADER_BYTES = 1 << 20
+
+_DAMAGE = (
+    *(zipfile.BadZipFile, zlib.error, struct.error, EOFError, NotImplementedError, RuntimeError),
+    *(ValueError, OverflowError, MemoryError),
+)
+"""What the readers of zip archives, arrays and JSON raise on files that are not what they claim to be."""
 
 
 def check_writable(path: Path) -> None:
@@ -93,7 +101,7 @@ def load(path: Path) -> IrradianceVectorGrid:
             validity = _read_array(archive, "validity", lattice.shape, path)
     except FileNotFoundError as error:
         raise GridFileError(f"{path} does not exist: bake it first, or name another") from error
-    except (zipfile.BadZipFile, EOFError) as error:
+    except _DAMAGE as error:
         raise GridFileError(f"{path} is not a grid file, or only part of one ({error}): bake it again") from error
     except OSError as error:
         raise GridFileError(f"cannot read {path} ({error.strerror or error})") from error
@@ -119,7 +127,7 @@ def _read_header(archive: zipfile.ZipFile, path: Path) -> dict[str, Any]:
         with archive.open(entry) as stream:
             header = json.loads(str(npy.read_array(stream, allow_pickle=False)[()]))
         name, version = header["format"], header["version"]
-    except (ValueError, KeyError, TypeError) as error:
+    except (*_DAMAGE, KeyError, TypeError) as error:
         raise GridFileError(f"{path} has an unreadable header ({error}): bake it again") from error
     if name != FORMAT:
         raise GridFileError(f"{path} is a '{name}' file: expected '{FORMAT}'")
@@ -141,7 +149,7 @@ def _parse_header(header: dict[str, Any], path: Path) -> tuple[Lattice, BakeReco
             settings[name] = tuple(settings[name])
         record = dict(header["record"])
         record["settings"] = BakeSettings(**settings)
-        record["emitted"] = tuple(record["emitted"])
+        record["emitted"] = _vec3(record["emitted"])
         lattice = Lattice(
             bounds_min=_vec3(header["bounds_min"]),
             bounds_max=_vec3(header["bounds_max"]),
@@ -149,6 +157,8 @@ def _parse_header(header: dict[str, Any], path: Path) -> tuple[Lattice, BakeReco
         )
         if len(lattice.resolution) != 3 or min(lattice.resolution) < 1:
             raise SettingsError(f"resolution {lattice.resolution}")
+        if not np.less(lattice.bounds_min, lattice.bounds_max).all():
+            raise SettingsError(f"bounds {lattice.bounds_min} to {lattice.bounds_max}")
         return lattice, BakeRecord(**record)
     except (KeyError, TypeError, ValueError, SettingsError) as error:
         raise GridFileError(f"{path} has a damaged header ({error}): bake it again") from error
@@ -158,7 +168,7 @@ def _vec3(values: Any) -> tuple[float, float, float]:
     """Return three finite floats."""
     x, y, z = (float(value) for value in values)
     if not np.isfinite((x, y, z)).all():
-        raise ValueError(f"bounds {values}")
+        raise ValueError(f"{values} where finite numbers belong")
     return x, y, z
 
 
@@ -175,8 +185,8 @@ def _read_array(archive: zipfile.ZipFile, name: str, shape: tuple[int, ...], pat
     with archive.open(entry) as stream:
         try:
             array = npy.read_array(stream, allow_pickle=False)
-        except ValueError as error:
-            raise GridFileError(f"{path}: array '{name}' is damaged ({error})") from error
+        except _DAMAGE as error:
+            raise GridFileError(f"{path}: array '{name}' is damaged ({error}): bake it again") from error
     if array.shape != shape or array.dtype != np.float32:
         raise GridFileError(f"{path}: array '{name}' is {array.dtype} {array.shape}, expected float32 {shape}")
     return np.ascontiguousarray(array)

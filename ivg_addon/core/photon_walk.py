@@ -177,6 +177,10 @@ def walk_steps(course: Course, lattice: Lattice, settings: BakeSettings) -> Gene
             # next() on itertools.count is atomic under the GIL.
             while not stop.is_set() and (batch := next(batches)) < batch_count:
                 done.put(worker.fly(batch, stop))
+        except BaseException:
+            # What went wrong is told when all have stopped; nothing is worth waiting for.
+            stop.set()
+            raise
         finally:
             done.put(None)
 

@@ -19,6 +19,8 @@ FRONT = 0
 BACK = 1
 
 _MOST_DIVISIONS = 64
+_MOST_PATCHES = 1 << 23
+"""Every thread counts for itself, 8 bytes a patch; with more triangles than this, each is one patch."""
 
 
 @dataclass(frozen=True)
@@ -41,12 +43,19 @@ class SurfaceBins:
 
     @classmethod
     def of(cls, geometry: Geometry, patch_size: float) -> SurfaceBins:
-        """Divide every triangle into patches whose edges are about `patch_size` metres or less."""
-        corners = geometry.vertices[geometry.triangles]
+        """Divide every triangle into patches whose edges are about `patch_size` metres or less.
+
+        Larger ones are made where triangles are huge, or the scene is and the patches would be too many.
+        """
+        corners = geometry.vertices[geometry.triangles].astype(np.float64)
         edges = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]])
-        longest = np.sqrt((edges.astype(np.float64) ** 2).sum(axis=-1)).max(axis=0)
-        divisions = np.clip(np.ceil(longest / patch_size), 1, _MOST_DIVISIONS).astype(np.int32)
-        patches = divisions.astype(np.int64) ** 2
+        longest = np.sqrt((edges**2).sum(axis=-1)).max(axis=0)
+        while True:
+            divisions = np.clip(np.ceil(longest / patch_size), 1, _MOST_DIVISIONS).astype(np.int32)
+            patches = divisions.astype(np.int64) ** 2
+            if patches.sum() <= max(_MOST_PATCHES, geometry.triangle_count):
+                break
+            patch_size *= 2.0
         return cls(
             divisions=divisions,
             offset=np.cumsum(patches) - patches,
