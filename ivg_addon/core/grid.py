@@ -160,7 +160,9 @@ class IrradianceVectorGrid:
         if not n.any(axis=1).all():
             raise SettingsError("normals must not have length zero")
         if not math.isfinite(normal_bias):
-            raise SettingsError(f"normal bias {normal_bias}: use a number of voxels, for instance {DEFAULT_NORMAL_BIAS}")
+            raise SettingsError(
+                f"normal bias {normal_bias}: use a number of voxels, for instance {DEFAULT_NORMAL_BIAS}"
+            )
         try:
             spatial, directional = Spatial(spatial), Directional(directional)
         except ValueError as error:

@@ -79,7 +79,7 @@ def clip_to_box(x, inverse, t0, t1, top, free):
 @inlined
 def nearest_vertex(x, top):
     """Return the index of the vertex nearest to a position in voxels, along one axis."""
-    return int(math.floor(min(max(x, 0.0), top) + 0.5))
+    return math.floor(min(max(x, 0.0), top) + 0.5)
 
 
 @kernel

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -48,4 +50,4 @@ def _clip(faces: list[Float64], n: Float64, d: float) -> list[Float64]:
 def _cone(face: Float64) -> float:
     """Return the signed volume of the cone from the origin to a face, outward counter-clockwise."""
     p = face[0]
-    return float(sum(p @ np.cross(q, r) for q, r in zip(face[1:-1], face[2:], strict=True))) / 6.0
+    return float(sum(p @ np.cross(q, r) for q, r in itertools.pairwise(face))) / 6.0

@@ -37,4 +37,3 @@ def grid(vectors: NDArray[np.generic], validity: object = None, lattice: Lattice
         lattice=lattice,
         record=record(lattice),
     )
-

@@ -66,7 +66,9 @@ def ball(radius: float = 1.0, rounds: int = 1, material: int = 0, smooth: bool =
         a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
         ab, bc, ca = ((p + q) / np.linalg.norm(p + q, axis=1)[:, None] for p, q in ((a, b), (b, c), (c, a)))
         corners = np.concatenate([np.stack(t, axis=1) for t in ((a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca))])
-    outward = np.einsum("ij,ij->i", np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), corners[:, 0])
+    outward = np.einsum(
+        "ij,ij->i", np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), corners[:, 0]
+    )
     turned = (outward > 0) == inward
     corners[turned] = corners[turned, ::-1]
     normals = (-corners if inward else corners) if smooth else None

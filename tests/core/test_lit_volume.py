@@ -179,7 +179,9 @@ def test_a_world_that_shines_lights_what_sees_it() -> None:
     solid = scene([box((-0.8, -0.8, -0.8), (0.8, 0.8, 0.8), turn=TURN)])
     for world_shines in (True, False):
         of = knowledge(solid, [1000 if world_shines else 0], [0], world_shines)
-        np.testing.assert_array_equal(lit(of, [(0, 0, 0), (1.9, 0, 0), (0, 0, -1.8)]), [False, world_shines, world_shines])
+        np.testing.assert_array_equal(
+            lit(of, [(0, 0, 0), (1.9, 0, 0), (0, 0, -1.8)]), [False, world_shines, world_shines]
+        )
     settings = BakeSettings((-2, -2, -2), (2, 2, 2), (4, 4, 4), photons=50_000, lit_points=64)
     validity = bake(replace(solid, lights=sky()), settings).grid.validity
     assert validity[2, 2, 2] == 0

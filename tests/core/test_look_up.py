@@ -28,9 +28,7 @@ FLOAT32 = 2.0**-23
 
 fractions = st.tuples(*[st.floats(0, 1)] * 3).map(np.array)
 anywhere = st.tuples(*[st.floats(-1e6, 1e6)] * 3).map(np.array)
-normals = (
-    st.tuples(*[st.floats(-1, 1)] * 3).map(np.array).filter(lambda v: np.linalg.norm(v) > 1e-3)
-)
+normals = st.tuples(*[st.floats(-1, 1)] * 3).map(np.array).filter(lambda v: np.linalg.norm(v) > 1e-3)
 spatials = st.sampled_from(list(Spatial))
 directionals = st.sampled_from(list(Directional))
 
@@ -119,7 +117,9 @@ def test_normals_may_have_any_length(scale: float, spatial: Spatial, normal: Flo
     random = grid(random_vectors())
     point = [(LOW + HIGH) / 2 + 0.1]
     expected = random.irradiance(point, [normal], spatial)
-    np.testing.assert_allclose(random.irradiance(point, [10.0**scale * normal], spatial), expected, rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(
+        random.irradiance(point, [10.0**scale * normal], spatial), expected, rtol=1e-4, atol=1e-5
+    )
 
 
 @pytest.mark.parametrize("spatial", Spatial)
@@ -167,7 +167,9 @@ def test_the_bias_moves_look_ups_off_surfaces(
     point = LOW + fraction * (HIGH - LOW)
     moved = point + 0.5 * bias * LATTICE.voxel_size * normal / np.linalg.norm(normal)
     biased = cut.irradiance([point], [normal], spatial, normal_bias=bias)
-    np.testing.assert_allclose(biased, cut.irradiance([moved], [normal], spatial, normal_bias=0.0), rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose(
+        biased, cut.irradiance([moved], [normal], spatial, normal_bias=0.0), rtol=1e-4, atol=1e-4
+    )
 
 
 @given(fraction=fractions, normal=normals, bias=st.floats(-2, 2), spatial=spatials)
@@ -184,8 +186,7 @@ def test_vertices_behind_a_surface_count_less() -> None:
     ask: Any = ([(0.5, 0.5, 0.5)], [(1.0, 0.0, 0.0)])
     open_, cut = (grid(vectors, v, lattice).irradiance(*ask, normal_bias=0.0)[0, 0] for v in (1.0, 0.5))
     assert open_ == pytest.approx(math.pi / 2, rel=1e-5)
-    cosine = 1 / math.sqrt(3)
-    before, behind = (1 + cosine) / 2 + 0.02, (1 - cosine) / 2 + 0.02
+    before, behind = ((1 + ahead) / 2 + 0.02 for ahead in (0.5, -0.5))
     assert cut == pytest.approx(math.pi * behind / (before + behind), rel=1e-4)
 
 

@@ -68,7 +68,9 @@ def arriving(n: int, seed: int, side: float = 1.0) -> Float64:
     x = np.cross(NORMAL, [0.0, 1.0, 0.0])
     x /= np.linalg.norm(x)
     y = np.cross(NORMAL, x)
-    towards = np.sqrt(1 - sin**2)[:, None] * NORMAL + (sin * np.cos(phi))[:, None] * x + (sin * np.sin(phi))[:, None] * y
+    towards = (
+        np.sqrt(1 - sin**2)[:, None] * NORMAL + (sin * np.cos(phi))[:, None] * x + (sin * np.sin(phi))[:, None] * y
+    )
     return np.asarray(-side * towards)
 
 

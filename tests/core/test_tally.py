@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -50,9 +51,7 @@ def random_flights(count: int, seed: int) -> Flights:
 # --- Brute force ------------------------------------------------------------------------------------------------------
 
 
-def inside(
-    origin: Float64, direction: Float64, length: float, low: Float64, high: Float64
-) -> tuple[Float64, Float64]:
+def inside(origin: Float64, direction: Float64, length: float, low: Float64, high: Float64) -> tuple[Float64, Float64]:
     """Return the part (t₀, t₁) of a segment in boxes low, high (…, 3); for directions without zeros."""
     a, b = (low - origin) / direction, (high - origin) / direction
     start = np.maximum(np.minimum(a, b).max(axis=-1), 0.0)
@@ -273,15 +272,13 @@ def test_reconstructions_of_a_uniform_field(
 @pytest.mark.parametrize("estimator", Estimator)
 @given(pieces=st.lists(st.integers(0, 200), max_size=6), seed=st.integers(0, 5))
 @settings(max_examples=15)
-def test_sums_have_the_same_bits_however_photons_are_split(
-    estimator: Estimator, pieces: list[int], seed: int
-) -> None:
+def test_sums_have_the_same_bits_however_photons_are_split(estimator: Estimator, pieces: list[int], seed: int) -> None:
     flights = random_flights(200, seed)
     whole = tallied(flights, estimator)
     order = np.random.default_rng(seed).permutation(200)
     bounds = [0, *sorted(pieces), 200]
     total = Tally.empty(LATTICE, estimator, photons=200, bounces=0)
-    for start, stop in zip(bounds[:-1], bounds[1:], strict=True):
+    for start, stop in itertools.pairwise(bounds):
         part = Tally.empty(LATTICE, estimator, photons=200, bounces=0)
         part.deposit(*(np.ascontiguousarray(a[order[start:stop]]) for a in flights))
         total.add(part)

@@ -27,7 +27,9 @@ unit_vectors = (
     .map(np.array)
     .filter(lambda v: np.linalg.norm(v) > 1e-3)
     .map(lambda v: v / np.linalg.norm(v))
-) | st.sampled_from([np.array(v, dtype=float) for v in ((0, 0, 1), (0, 0, -1), (0, 0.6, -0.8), (1, 0, 0), (1, 0, -0.0))])
+) | st.sampled_from(
+    [np.array(v, dtype=float) for v in ((0, 0, 1), (0, 0, -1), (0, 0.6, -0.8), (1, 0, 0), (1, 0, -0.0))]
+)
 
 
 @kernel
