@@ -98,8 +98,8 @@ def memory_needed(settings: BakeSettings) -> int:
     """Return the most memory that the sums and the grid of a bake take together, bytes."""
     lattice = _lattice(settings)
     tallies = thread_count(settings) * Tally.bytes(lattice, settings.estimator)
-    # The vectors exist in double precision for a moment, beside the grid's own.
-    return tallies + 3 * grid_bytes(settings.resolution)
+    # The vectors exist in double precision for a moment, whole-cell means beside those of the lit part.
+    return tallies + 4 * grid_bytes(settings.resolution)
 
 
 def bake(scene: Scene, settings: BakeSettings) -> BakeResult:

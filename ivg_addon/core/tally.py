@@ -35,14 +35,14 @@ WEIGHT_LIMIT = 16.0
 """No photon weight exceeds this (see scattering.py); fixed-point scales are chosen for it."""
 
 _TICKS = 2.0**40
-"""The walk counts lengths in integers, so many for the box's diagonal: they compare and add in a fraction of the time that
-floats need, and the legs of a flight sum up to its length exactly."""
+"""The walk counts lengths in integers, so many for the box's diagonal: they compare and add in a fraction of the time
+that floats need, and the legs of a flight sum up to its length exactly."""
 _NEVER = 2.0**50
 """Ticks that no flight inside the box has."""
 
 AT_THE_END = 1e-3
-"""Voxels by which a flight is taken to be longer at both ends when it is asked which faces it crosses. One that starts or
-ends on a wall in the plane of a face starts just above it, or ends a rounding error away: it crosses."""
+"""Voxels by which a flight is taken to be longer at both ends when it is asked which faces it crosses. One that starts
+or ends on a wall in the plane of a face starts just above it, or ends a rounding error away: it crosses."""
 
 
 @merged
@@ -202,8 +202,8 @@ def deposit_crossings(origins, directions, weights, lengths, low, voxel, counts,
     """Add φ ω / max(|ω_k|, min_cosine) at every voxel face, to the nearest vertex in its plane.
 
     With `min_cosine` 1 this is the report's formula as printed (`REPORT`), with `GRAZING_COSINE` the unbiased one
-    (`CROSSING`). Parameters as of `deposit_track_length`, but `scale` holds the fixed-point steps for a weight of one, and
-    `sums` is (vertices · 6, 9) int64.
+    (`CROSSING`). Parameters as of `deposit_track_length`, but `scale` holds the fixed-point steps for a weight of one,
+    and `sums` is (vertices · 6, 9) int64.
     """
     top = (counts[0] - 1.0, counts[1] - 1.0, counts[2] - 1.0)
     beyond = AT_THE_END * min(voxel[0], min(voxel[1], voxel[2]))
