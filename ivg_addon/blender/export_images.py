@@ -205,7 +205,8 @@ def _averaged(texels: Float32, block: int, encoded: bool) -> Float32:
         starts = np.arange(0, linear.shape[axis], block)
         counts = np.diff(np.append(starts, linear.shape[axis]))
         sums = np.add.reduceat(linear, starts, axis=axis, dtype=np.float32)
-        linear = sums / counts.reshape((-1, 1, 1) if axis == 0 else (1, -1, 1)).astype(np.float32)
+        sizes = counts.astype(np.float32).reshape((-1, 1, 1) if axis == 0 else (1, -1, 1))
+        linear = np.divide(sums, sizes, dtype=np.float32)
     return _encode(linear) if encoded else linear
 
 

@@ -28,8 +28,8 @@ def triangle_normals(vertices: Float32, triangles: Int32) -> tuple[Float64, Floa
     corners = vertices[triangles].astype(np.float64)
     with np.errstate(invalid="ignore", over="ignore"):
         edges = corners[:, 1:] - corners[:, :1]
-        normals = np.cross(edges[:, 0], edges[:, 1])
-        doubled = np.sqrt(np.einsum("ij,ij->i", normals, normals))
+        normals = np.asarray(np.cross(edges[:, 0], edges[:, 1]), dtype=np.float64)
+        doubled: Float64 = np.linalg.norm(normals, axis=1)
         normals /= np.where(doubled == 0.0, 1.0, doubled)[:, None]
     return normals, 0.5 * doubled
 

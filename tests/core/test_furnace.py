@@ -91,8 +91,8 @@ def test_a_turned_room_with_solids_and_a_thin_wall() -> None:
 def test_a_turned_room_that_cuts_the_outer_cells() -> None:
     """Divided by the lit volume, the mean over what is left of a cell is the same; looked up, it is uniform.
 
-    Lit shares are estimates, too, and 1/share of a share that scatters is a little high: with 1,024 points the look-ups'
-    mean by some 10⁻⁴, a fraction of its standard error here.
+    Lit shares are estimates, too, and 1/share of a share that scatters is a little high: with 1,024 points the mean of
+    the look-ups by some 10⁻⁴, a fraction of its standard error here.
     """
     settings = replace(
         SETTINGS, bounds_min=(-1.3, -1.3, -1.3), bounds_max=(1.3, 1.3, 1.3), resolution=(5, 5, 5), lit_points=1024

@@ -48,7 +48,7 @@ def saved(path: Path) -> Path:
 
 
 def assert_refused(path: Path, *words: str) -> None:
-    """Loading raises one line that names the file."""
+    """Check that loading raises one line that names the file."""
     with pytest.raises(GridFileError) as caught:
         IrradianceVectorGrid.load(path)
     message = str(caught.value)
@@ -332,7 +332,7 @@ def test_a_place_where_no_file_can_be(tmp_path: Path, where: str) -> None:
 
 @pytest.fixture
 def read_only(tmp_path: Path) -> Iterator[Path]:
-    """A folder in which this user may not write, whoever that is."""
+    """Return a folder in which this user may not write, whoever that is."""
     folder = tmp_path / "read-only"
     folder.mkdir()
     folder.chmod(0o500)
@@ -349,13 +349,13 @@ def read_only(tmp_path: Path) -> Iterator[Path]:
 
 
 def test_a_read_only_folder(read_only: Path) -> None:
-    with pytest.raises(GridFileError, match="cannot write .*: choose a folder that exists and is writable"):
+    with pytest.raises(GridFileError, match=r"cannot write .*: choose a folder that exists and is writable"):
         grid_file.check_writable(read_only / "room.ivg.npz")
 
 
 def test_a_read_only_file(saved: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "access", lambda *_: False)
-    with pytest.raises(GridFileError, match="cannot replace .*: it is read-only"):
+    with pytest.raises(GridFileError, match=r"cannot replace .*: it is read-only"):
         small().save(saved)
 
 

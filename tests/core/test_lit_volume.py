@@ -1,4 +1,4 @@
-"""The lit share of dual cells, against exact volumes of rooms that are not aligned with the grid, and with walls in them."""
+"""The lit share of dual cells, against exact volumes of rooms that are not aligned with the grid."""
 
 from __future__ import annotations
 
