@@ -100,7 +100,7 @@ def settings_properties(options: Iterable[str] = ()) -> dict[str, Any]:
         "longest_side": IntProperty(
             name="Longest Side",
             description="Voxels along the longest side of the box; the others follow, so that voxels are cubes",
-            default=24,
+            default=32,
             min=1,
             soft_min=4,
             soft_max=64,

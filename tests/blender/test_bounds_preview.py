@@ -28,7 +28,7 @@ def preview(extension: str) -> Any:
 def test_scene_is_shown_with_its_voxels(preview: Any) -> None:
     found = preview(bpy.context)
     np.testing.assert_allclose(found.box.size, (4.0, 2.0, 1.0), rtol=1e-6)
-    assert (found.resolution, found.problem) == ((24, 12, 6), "")
+    assert (found.resolution, found.problem) == ((32, 16, 8), "")
 
 
 def test_changes_are_followed(preview: Any) -> None:
