@@ -139,6 +139,8 @@ def in_picture(name: str, resolution: tuple[int, int, int], arguments: argparse.
     grid = bake(scene, settings).grid
     label = "×".join(map(str, resolution))
     with tempfile.TemporaryDirectory() as folder:
+        if arguments.pictures:
+            arguments.pictures.mkdir(parents=True, exist_ok=True)
         output = (arguments.pictures or Path(folder)) / f"{name}_{label}.png"
         steps = compare_steps(
             bpy.context.scene, bpy.context.view_layer, grid, output, samples=arguments.picture_samples

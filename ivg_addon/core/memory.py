@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import psutil
 
 from .errors import MemoryLimitError
@@ -28,7 +30,11 @@ def peak() -> int:
     if psutil.WINDOWS:
         info = psutil.Process().memory_info()
         return int(getattr(info, "peak_wset"))  # noqa: B009 (a field that only Windows has)
+    status = Path("/proc/self/status")
+    if status.is_file():
+        # Linux hands getrusage's figure on to child processes: this one is the process's own.
+        (line,) = (line for line in status.read_text().splitlines() if line.startswith("VmHWM:"))
+        return int(line.split()[1]) * 1024
     import resource
 
-    usage = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return int(usage if psutil.MACOS else usage * 1024)
+    return int(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss) * (1 if psutil.MACOS else 1024)
