@@ -111,7 +111,7 @@ def main() -> int:
     scene = open_scene("cornell")
     settings = BakeSettings(*bounds(scene), RESOLUTION, photons=options.photons)
     lattice = Lattice(settings.bounds_min, settings.bounds_max, RESOLUTION)
-    course = prepare_course(scene, lattice)
+    course = prepare_course(scene, lattice, options.photons)
     finish(walk_steps(course, lattice, replace(settings, photons=WARM_UP_PHOTONS)))
     part = replace(settings, photons=options.batches * BATCH)
     batches = record(course, lattice, part)

@@ -25,7 +25,7 @@ from .progress import Progress, Result, finish
 from .report import Notice, merge
 from .scene import Float32, Scene
 from .settings import BakeSettings, Estimator, Vec3
-from .surface_bins import SurfaceBins
+from .surface_bins import PATCHES_PER_VOXEL, PHOTONS_PER_PATCH, SurfaceBins
 from .surfaces import Surfaces
 from .tally import Tally
 from .version import VERSION
@@ -117,7 +117,7 @@ def bake_steps(scene: Scene, settings: BakeSettings) -> Generator[Progress, None
     )
     yield Progress("Preparing the scene", 0.0)
     lattice = _lattice(settings)
-    course = prepare_course(scene, lattice)
+    course = prepare_course(scene, lattice, settings.photons)
     yield Progress("Compiling for this processor, once after installing", 0.0)
     _compile_kernels(scene, course, settings)
     prepare_seconds = time.perf_counter() - start
@@ -161,8 +161,8 @@ def _measures_lit_volume(settings: BakeSettings) -> bool:
     return settings.estimator is not Estimator.REPORT and settings.lit_points > 0
 
 
-def prepare_course(scene: Scene, lattice: Lattice) -> Course:
-    """Build what the photon walk needs; raises `SceneError` without geometry or light."""
+def prepare_course(scene: Scene, lattice: Lattice, photons: int) -> Course:
+    """Build what the walk of so many photons needs; raises `SceneError` without geometry or light."""
     if scene.geometry.triangle_count == 0:
         raise SceneError(
             f"scene '{scene.name}' has no geometry that renders: add a mesh, or enable its render visibility"
@@ -172,7 +172,8 @@ def prepare_course(scene: Scene, lattice: Lattice) -> Course:
         np.asarray(lattice.bounds_min, dtype=np.float32),
         np.asarray(lattice.bounds_max, dtype=np.float32),
     )
-    bins = SurfaceBins.of(scene.geometry, float(lattice.voxel_size.min()))
+    patch_size = float(lattice.voxel_size.min()) / PATCHES_PER_VOXEL
+    bins = SurfaceBins.of(scene.geometry, patch_size, photons // PHOTONS_PER_PATCH)
     first = Tracer(scene.geometry)
     seen = scene.diffuse_visible[scene.geometry.object]
     later = first if seen.all() else Tracer(scene.geometry, keep=seen)

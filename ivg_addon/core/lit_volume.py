@@ -5,10 +5,11 @@ its lit volume, found with points spread through the cell. Random rays from a po
 first surface that they meet and by what the photon walk found out about it:
 
 * a side that received many photons: the point is lit;
-* a side that received none while its other side did: the point is behind or inside something;
+* a side that received none while its other side received several: the point is behind or inside
+  something;
 * a side that received a few: perhaps a dim room, perhaps a leak (at an edge, rounding lets one
   photon in ten million through); half a vote for lit;
-* neither side received any: this tells nothing (a leaf too small to be hit, the gap under a box);
+* neither side received several: this tells nothing (a leaf too small to be hit, the gap under a box);
 * nothing: lit where a world shines, else this tells nothing.
 
 Two votes ahead decide. One would not do: photons are counted in patches, and a patch of a floor may
@@ -42,6 +43,8 @@ _BATCH = 1 << 17
 
 MANY_PHOTONS = 16
 """So many on a patch of surface are no leak."""
+SEVERAL_PHOTONS = 8
+"""A side as bright would have received none of so many by a chance of 3 in 10,000."""
 LEAK_RATIO = 1e-4
 """A side that received less than this share of what its other side received counts as unlit."""
 
@@ -178,7 +181,7 @@ def side_verdict(here, beyond):
     """Judge a ray that met a side which received `here` photons, its other side `beyond`."""
     if here > LEAK_RATIO * beyond:
         return LIT if here >= MANY_PHOTONS else PERHAPS_LIT
-    return UNLIT if beyond > 0 else UNKNOWN
+    return UNLIT if beyond >= SEVERAL_PHOTONS else UNKNOWN
 
 
 @dataclass(frozen=True)

@@ -86,7 +86,7 @@ def find_light_steps(
     SceneError
         No geometry, no light.
     """
-    course = prepare_course(scene, Lattice(bounds_min, bounds_max, _PATCHES))
+    course = prepare_course(scene, Lattice(bounds_min, bounds_max, _PATCHES), _SCOUTS)
     settings = BakeSettings(bounds_min, bounds_max, (1, 1, 1), photons=_SCOUTS, seed=seed)
     walk = yield from walk_steps(course, Lattice(bounds_min, bounds_max, (1, 1, 1)), settings)
     knowledge = LightKnowledge(

@@ -82,6 +82,8 @@ def scatter(
     smooth, material, reflects = surfaces.smooth, surfaces.material, surfaces.reflects
     albedo, texture = surfaces.albedo, surfaces.texture
     bin_divisions, bin_offset = surfaces.bin_divisions, surfaces.bin_offset
+    landed = np.empty(len(photons), dtype=np.int64)
+    hits = 0
     alive = 0
     for ray in range(len(photons)):
         triangle = hit_triangle[ray]
@@ -94,7 +96,8 @@ def scatter(
         dx, dy, dz = float(directions[ray, 0]), float(directions[ray, 1]), float(directions[ray, 2])
         cos_g = -(dx * gx + dy * gy + dz * gz)
         side = FRONT if cos_g > 0.0 else BACK
-        bin_counts[patch_of(triangle, u, v, bin_divisions, bin_offset), side] += 1
+        landed[hits] = 2 * patch_of(triangle, u, v, bin_divisions, bin_offset) + side
+        hits += 1
         if not reflects[triangle]:
             _add_energy(energy, ABSORBED, w0, w1, w2)
             continue
@@ -142,6 +145,10 @@ def scatter(
         _store(directions, alive, ox, oy, oz)
         _store(weights, alive, r0 / survival, r1 / survival, r2 / survival)
         alive += 1
+    # In a loop of their own, where the processor waits for many of these places in memory at a time.
+    counts = bin_counts.reshape(-1)
+    for hit in range(hits):
+        counts[landed[hit]] += 1
     return alive
 
 

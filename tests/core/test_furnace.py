@@ -45,22 +45,31 @@ def series(bounces: int, first: int = 1) -> Float64:
     return np.asarray(RADIANCE * sum(ALBEDO**k for k in range(first, bounces + 1)))
 
 
-def uniform(radiance: Float64) -> Float64:
-    """Return I_δ = π L δ, (6, 3 channel, 3 xyz)."""
-    return np.asarray(np.pi * AXES[:, None, :] * radiance[:, None])
+def assert_uniform(made: list[IrradianceVectorGrid], radiance: Float64) -> None:
+    """Test I_δ = π L δ in every dual cell, and the mean of all, which is known more precisely."""
+    assert_means([grid.vectors for grid in made], np.pi * AXES[:, None, :] * radiance[:, None])
+    share = made[0].lattice.cell_volumes() / made[0].lattice.cell_volumes().sum()
+    means = [np.einsum("xyz,xyzdcj,dj->c", share, grid.vectors, AXES) / 6 for grid in made]
+    assert_means(means, np.pi * radiance)
 
 
 @pytest.mark.parametrize("bounces", [1, 2, 12])
 def test_a_room_whose_walls_are_the_bounds(bounces: int) -> None:
     """In every dual cell, those that the bounds cut as well."""
     made = bakes(furnace(box((0, 0, 0), (1, 1.5, 2), inward=True)), replace(SETTINGS, bounces=bounces))
-    assert_means([grid.vectors for grid in made], uniform(series(bounces)))
+    assert_uniform(made, series(bounces))
 
 
 def test_direct_light_is_the_first_term() -> None:
     settings = replace(SETTINGS, bounces=3, include_direct=True)
     made = bakes(furnace(box((0, 0, 0), (1, 1.5, 2), inward=True)), settings)
-    assert_means([grid.vectors for grid in made], uniform(series(3, first=0)))
+    assert_uniform(made, series(3, first=0))
+
+
+def test_power_is_right_to_a_part_in_two_hundred() -> None:
+    """Without reflection all photons go into direct light: the standard error is a tenth of a percent."""
+    room = scene([box((0, 0, 0), (1, 1.5, 2), inward=True)], ((0, 0, 0),), (RADIANCE,))
+    assert_uniform(bakes(room, replace(SETTINGS, photons=1 << 18, include_direct=True)), RADIANCE)
 
 
 @pytest.mark.parametrize("estimator", [Estimator.REPORT, Estimator.CROSSING])
@@ -74,7 +83,7 @@ def test_the_other_estimators(estimator: Estimator) -> None:
 
 def test_a_ball_around_the_grid() -> None:
     made = bakes(furnace(ball(1.0, rounds=2, smooth=False, inward=True)), INSIDE_BALL)
-    assert_means([grid.vectors for grid in made], uniform(series(SETTINGS.bounces)))
+    assert_uniform(made, series(SETTINGS.bounces))
 
 
 def test_a_turned_room_with_solids_and_a_thin_wall() -> None:
@@ -85,7 +94,7 @@ def test_a_turned_room_with_solids_and_a_thin_wall() -> None:
     made = bakes(furnace(room, block, wall), replace(INSIDE_BALL, lit_points=64))
     for grid in made:
         np.testing.assert_array_equal(grid.validity, 1)
-    assert_means([grid.vectors for grid in made], uniform(series(SETTINGS.bounces)))
+    assert_uniform(made, series(SETTINGS.bounces))
 
 
 def test_a_turned_room_that_cuts_the_outer_cells() -> None:

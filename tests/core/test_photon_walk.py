@@ -36,7 +36,7 @@ def room(albedo: Any = GREY, **rest: Any) -> Scene:
 
 def walk(of: Scene, settings: BakeSettings) -> Walk:
     lattice = Lattice(settings.bounds_min, settings.bounds_max, settings.resolution)
-    return finish(walk_steps(prepare_course(of, lattice), lattice, settings))
+    return finish(walk_steps(prepare_course(of, lattice, settings.photons), lattice, settings))
 
 
 def assert_same(a: Walk, b: Walk) -> None:
@@ -164,7 +164,9 @@ def photon_threads() -> list[threading.Thread]:
 def test_progress_grows_to_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(photon_walk, "BATCH", 3000)
     lattice = Lattice(SETTINGS.bounds_min, SETTINGS.bounds_max, SETTINGS.resolution)
-    told: list[Progress] = list(walk_steps(prepare_course(room(), lattice), lattice, replace(SETTINGS, threads=2)))
+    told: list[Progress] = list(
+        walk_steps(prepare_course(room(), lattice, 10**6), lattice, replace(SETTINGS, threads=2))
+    )
     assert len(told) == 7
     fractions = [progress.fraction for progress in told]
     assert fractions == sorted(set(fractions))
@@ -176,7 +178,7 @@ def test_progress_grows_to_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_closing_stops_all_threads() -> None:
     """Two billion photons would take half an hour."""
     lattice = Lattice(SETTINGS.bounds_min, SETTINGS.bounds_max, SETTINGS.resolution)
-    steps = walk_steps(prepare_course(room(), lattice), lattice, replace(SETTINGS, photons=2 * 10**9, threads=2))
+    steps = walk_steps(prepare_course(room(), lattice, 10**6), lattice, replace(SETTINGS, photons=2 * 10**9, threads=2))
     next(steps)
     assert len(photon_threads()) == 2
     start = time.perf_counter()
@@ -204,7 +206,7 @@ def test_memory_does_not_grow_with_the_number_of_photons(monkeypatch: pytest.Mon
     """Buffers are a batch long, sums as large as the grid."""
     monkeypatch.setattr(photon_walk, "BATCH", 100)
     lattice = Lattice(SETTINGS.bounds_min, SETTINGS.bounds_max, SETTINGS.resolution)
-    course = prepare_course(scene([ball(inward=True)], lights=lamp((0, 0, 0))), lattice)
+    course = prepare_course(scene([ball(inward=True)], lights=lamp((0, 0, 0))), lattice, 1000)
 
     def held(photons: int) -> int:
         worker = photon_walk._Worker(course, lattice, replace(SETTINGS, photons=photons))
