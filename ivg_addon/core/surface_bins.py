@@ -3,7 +3,7 @@
 The lit-volume estimate asks whether a side of a surface received light. A triangle may be much
 larger than a voxel (a floor that reaches under a wall and out of the house), so it is divided into
 patches, in barycentric coordinates. One that lies on both sides of a wall makes the dark side look lit:
-patches are as small as the photons can fill, down to an eighth of a voxel.
+patches are no larger than a voxel, and no smaller than the photons can fill.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from .scene import Geometry, Int32
 FRONT = 0
 BACK = 1
 
-PATCHES_PER_VOXEL = 8
+PATCHES_PER_VOXEL = 1
 PHOTONS_PER_PATCH = 8
 
 _MOST_DIVISIONS = 128
-_MOST_PATCHES = 1 << 16
+_MOST_PATCHES = 1 << 18
 """Every thread counts for itself, 8 bytes a patch, at random: what does not stay in the cache halves its speed."""
 
 
@@ -49,8 +49,8 @@ class SurfaceBins:
     def of(cls, geometry: Geometry, patch_size: float, most: int = _MOST_PATCHES) -> SurfaceBins:
         """Divide every triangle into patches whose edges are about `patch_size` metres or less.
 
-        Larger ones are made where triangles are huge, and everywhere if there would be more than `most` patches; with
-        more triangles than that, each is one patch.
+        Larger ones are made where triangles are huge, and everywhere if there would be more than `most` patches beyond
+        one for each triangle.
         """
         corners = geometry.vertices[geometry.triangles].astype(np.float64)
         edges = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]])
@@ -58,7 +58,7 @@ class SurfaceBins:
         while True:
             divisions = np.clip(np.ceil(longest / patch_size), 1, _MOST_DIVISIONS).astype(np.int32)
             patches = divisions.astype(np.int64) ** 2
-            if patches.sum() <= max(min(most, _MOST_PATCHES), geometry.triangle_count):
+            if patches.sum() - geometry.triangle_count <= min(most, _MOST_PATCHES):
                 break
             patch_size *= 2.0
         return cls(

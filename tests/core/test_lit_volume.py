@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from ivg_addon.core import lit_volume
-from ivg_addon.core.bake import bake
+from ivg_addon.core.bake import LEAST_LIT_SHARE, bake
 from ivg_addon.core.dual_cells import Lattice
 from ivg_addon.core.embree import Tracer
 from ivg_addon.core.lit_volume import (
@@ -118,7 +118,7 @@ def test_photons_find_the_same_room() -> None:
     )
     known = shares(knowledge(room, [1000], [0]))
     validity = bake(room, settings).grid.validity
-    np.testing.assert_array_equal(validity, np.where(known >= 0.01, known, 0))
+    np.testing.assert_array_equal(validity, np.where(known >= LEAST_LIT_SHARE, known, 0))
 
 
 # --- What light knows -------------------------------------------------------------------------------------------------
