@@ -12,7 +12,13 @@ from numpy.typing import NDArray
 
 from ivg_addon.core.compiled import kernel
 from ivg_addon.core.embree import MISS, Tracer
-from ivg_addon.core.vectors import cosine_direction, offset_distance, orthonormal_basis, sphere_direction
+from ivg_addon.core.vectors import (
+    cosine_direction,
+    offset_distance,
+    orthonormal_basis,
+    sine_and_cosine,
+    sphere_direction,
+)
 
 from .rooms import Part, scene
 from .z_tests import assert_counts
@@ -55,6 +61,12 @@ def fill_offset(points, extents, out):
         out[row] = offset_distance(points[row, 0], points[row, 1], points[row, 2], extents[row])
 
 
+@kernel
+def fill_sine_and_cosine(turns, out):
+    for row in range(len(turns)):
+        out[row, 0], out[row, 1] = sine_and_cosine(turns[row])
+
+
 def uniform(count: int) -> tuple[Float64, Float64]:
     return tuple(np.random.default_rng(5).random((2, count)))  # type: ignore[return-value]
 
@@ -73,6 +85,14 @@ def test_basis_is_orthonormal_and_right_handed(n: Float64) -> None:
     frame = np.vstack([basis, n])
     np.testing.assert_allclose(frame @ frame.T, np.eye(3), atol=1e-12)
     np.testing.assert_allclose(np.cross(basis[0], basis[1]), n, atol=1e-12)
+
+
+def test_sine_and_cosine() -> None:
+    turns = np.concatenate([np.linspace(0, 1, 10_001), np.nextafter([0, 1, 0.125, 0.375, 0.875], [1, 0, 1, 1, 0])])
+    out = np.empty((len(turns), 2))
+    fill_sine_and_cosine(turns, out)
+    expected = np.stack([np.sin(2 * np.pi * turns), np.cos(2 * np.pi * turns)], axis=1)
+    np.testing.assert_allclose(out, expected, rtol=0, atol=1e-11)
 
 
 @pytest.mark.parametrize("normal", [(0, 0, 1), (0, 0, -1), (1, 2, -2), (-3, 0.1, 0.01)])

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from ..compiled import inlined, merged
 from ..lights import AreaLights
-from ..vectors import offset_distance, orthonormal_basis
+from ..vectors import offset_distance, orthonormal_basis, sine_and_cosine
 
 Float64 = NDArray[np.float64]
 
@@ -116,8 +116,9 @@ def emit_area(lights, light, xi_0, xi_1, xi_2, xi_3, xi_4):
     """
     if lights.elliptic[light]:
         radius = 0.5 * math.sqrt(xi_0)
-        u = radius * math.cos(2.0 * math.pi * xi_1)
-        v = radius * math.sin(2.0 * math.pi * xi_1)
+        sine, cosine = sine_and_cosine(xi_1)
+        u = radius * cosine
+        v = radius * sine
     else:
         u = xi_0 - 0.5
         v = xi_1 - 0.5
@@ -131,8 +132,9 @@ def emit_area(lights, light, xi_0, xi_1, xi_2, xi_3, xi_4):
         tan_slat = _tan_of_slat(xi_2 * slat_range)
         sin2_slat = tan_slat * tan_slat / (1.0 + tan_slat * tan_slat)
     sin2 = xi_3 * sin2_slat
-    x = math.sqrt(sin2) * math.cos(2.0 * math.pi * xi_4)
-    y = math.sqrt(sin2) * math.sin(2.0 * math.pi * xi_4)
+    sine, cosine = sine_and_cosine(xi_4)
+    x = math.sqrt(sin2) * cosine
+    y = math.sqrt(sin2) * sine
     z = math.sqrt(1.0 - sin2)
     nx, ny, nz = lights.direction[light, 0], lights.direction[light, 1], lights.direction[light, 2]
     tx, ty, tz, bx, by, bz = orthonormal_basis(nx, ny, nz)
