@@ -43,8 +43,8 @@ _BATCH = 1 << 17
 
 MANY_PHOTONS = 16
 """So many on a patch of surface are no leak."""
-SEVERAL_PHOTONS = 1
-"""Fewer on the other side do not tell that this side is dark."""
+SEVERAL_PHOTONS = 8
+"""A side as bright would have received none of so many by a chance of 3 in 10,000."""
 LEAK_RATIO = 1e-4
 """A side that received less than this share of what its other side received counts as unlit."""
 

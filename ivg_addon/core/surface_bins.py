@@ -2,8 +2,8 @@
 
 The lit-volume estimate asks whether a side of a surface received light. A triangle may be much
 larger than a voxel (a floor that reaches under a wall and out of the house), so it is divided into
-patches, in barycentric coordinates. One that lies on both sides of a wall makes the dark side look lit:
-patches are no larger than a voxel, and no smaller than the photons can fill.
+patches, in barycentric coordinates. A patch on both sides of a wall makes the dark side look lit: patches
+are much smaller than a voxel, and no smaller than the photons can fill.
 """
 
 from __future__ import annotations
@@ -19,12 +19,13 @@ from .scene import Geometry, Int32
 FRONT = 0
 BACK = 1
 
-PATCHES_PER_VOXEL = 1
+PATCHES_PER_VOXEL = 8
+"""Along an edge."""
 PHOTONS_PER_PATCH = 8
 
-_MOST_DIVISIONS = 128
-_MOST_PATCHES = 1 << 18
-"""Every thread counts for itself, 8 bytes a patch, at random: what does not stay in the cache halves its speed."""
+_MOST_DIVISIONS = 512
+_MOST_PATCHES = 1 << 20
+"""Every thread counts for itself, 8 bytes a patch."""
 
 
 @dataclass(frozen=True)

@@ -161,6 +161,36 @@ def test_a_floor_that_reaches_under_the_walls_and_out() -> None:
     np.testing.assert_allclose(halved, 0.5, atol=5 * math.sqrt(0.25 / 256))
 
 
+@pytest.mark.parametrize("cells", [8, 16])
+def test_a_floor_in_one_piece_reads_like_one_cut_at_the_walls(cells: int) -> None:
+    """Photons fly alike in both; only patches on both sides of a wall differ, an eighth of a voxel wide.
+
+    Beyond the wall such a patch outweighs the wall only at points closer to it than to the wall: less than half of what
+    lies above it, a sixteenth of a cell.
+    """
+    width = 1.05  # not on the patches' edges
+    walls = [
+        quad((-width, -width, 0), (0, 2 * width, 0), (0, 0, 1)),
+        quad((width, -width, 0), (0, 0, 1), (0, 2 * width, 0)),
+        quad((-width, -width, 0), (0, 0, 1), (2 * width, 0, 0)),
+        quad((-width, width, 0), (2 * width, 0, 0), (0, 0, 1)),
+        quad((-width, -width, 1), (0, 2 * width, 0), (2 * width, 0, 0)),
+    ]
+    whole = quad((-2, -2, 0), (4, 0, 0), (0, 4, 0))
+    cut = quad((-width, -width, 0), (2 * width, 0, 0), (0, 2 * width, 0))
+    bake_settings = BakeSettings(
+        (-2, -2, -0.5), (2, 2, 1.5), (cells, cells, cells // 2), photons=1_000_000, lit_points=1024
+    )
+    grids = [bake(scene([*walls, floor], lights=lamp((0, 0, 0.5))), bake_settings).grid for floor in (whole, cut)]
+    points = np.random.default_rng(0).uniform((-width, -width, 0), (width, width, 0), (4000, 3))
+    on_whole, on_cut = (grid.irradiance(points, np.tile((0, 0, 1), (4000, 1)))[:, 0] for grid in grids)
+    beside = np.abs(points[:, :2]).max(axis=1) > width - 4 / cells
+    assert on_whole[beside].mean() / on_cut[beside].mean() == pytest.approx(1, abs=1 / 16)
+    assert on_whole[~beside].mean() / on_cut[~beside].mean() == pytest.approx(1, abs=1 / 64)
+    outside = np.abs(grids[0].lattice.vertex_positions()[..., :2]).max(axis=-1) > width + 4 / cells
+    assert not grids[0].validity[outside].any()
+
+
 def test_an_open_room_is_lit_as_far_as_light_leaves_it() -> None:
     """Without a front: inside all is lit, behind the walls nothing."""
     low, high = (-0.9, -0.9, -0.9), (0.9, 0.9, 0.9)

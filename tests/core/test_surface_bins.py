@@ -58,7 +58,7 @@ def test_points_of_a_patch_are_close_and_of_one_triangle(
             here = points[index == patch]
             extent = np.linalg.norm(here[:, None] - here, axis=-1).max()
             # Two edges of a patch, one after the other.
-            assert extent <= 2 * size * (1 + 1e-9) or bins.divisions[triangle] == 128
+            assert extent <= 2 * size * (1 + 1e-9) or bins.divisions[triangle] == 512
     assert bins.empty_counts().shape == (bins.count, 2)
 
 
@@ -77,7 +77,7 @@ def test_huge_and_tiny_triangles(size: float) -> None:
     """Coordinates up to the largest that are stored; a triangle without area is one patch."""
     huge = geometry([(-3e38, 0, 0), (3e38, 0, 0), (0, 3e38, 0), (1, 1, 1), (1, 1, 1), (1, 1, 1)])
     bins = SurfaceBins.of(huge, size)
-    assert list(bins.divisions) == [128, 1]
+    assert list(bins.divisions) == [512, 1]
 
 
 def test_patches_are_never_too_many(monkeypatch: pytest.MonkeyPatch) -> None:
