@@ -103,18 +103,20 @@ def _tan_of_slat(y):
 
 
 @merged
-def emit_area(lights, light, xi_0, xi_1, xi_2, xi_3, xi_4):
+def emit_area(center, edge_u, edge_v, direction, elliptic, slat_range, light, xi_0, xi_1, xi_2, xi_3, xi_4):
     """Return a photon's origin and direction, six floats.
 
     Parameters
     ----------
-    lights : AreaEmitters
+    center … slat_range
+        The fields of `AreaEmitters`, one by one: taken out of their tuple for every photon, Numba would count
+        references to each of them.
     light
         Index of the light.
     xi_0 … xi_4
         Uniform in (0, 1): two place the photon, one picks its slat, two its direction.
     """
-    if lights.elliptic[light]:
+    if elliptic[light]:
         radius = 0.5 * math.sqrt(xi_0)
         sine, cosine = sine_and_cosine(xi_1)
         u = radius * cosine
@@ -122,21 +124,21 @@ def emit_area(lights, light, xi_0, xi_1, xi_2, xi_3, xi_4):
     else:
         u = xi_0 - 0.5
         v = xi_1 - 0.5
-    px = lights.center[light, 0] + u * lights.edge_u[light, 0] + v * lights.edge_v[light, 0]
-    py = lights.center[light, 1] + u * lights.edge_u[light, 1] + v * lights.edge_v[light, 1]
-    pz = lights.center[light, 2] + u * lights.edge_u[light, 2] + v * lights.edge_v[light, 2]
+    px = center[light, 0] + u * edge_u[light, 0] + v * edge_v[light, 0]
+    py = center[light, 1] + u * edge_u[light, 1] + v * edge_v[light, 1]
+    pz = center[light, 2] + u * edge_u[light, 2] + v * edge_v[light, 2]
 
-    slat_range = lights.slat_range[light]
+    slats = slat_range[light]
     sin2_slat = 1.0
-    if slat_range < math.inf:
-        tan_slat = _tan_of_slat(xi_2 * slat_range)
+    if slats < math.inf:
+        tan_slat = _tan_of_slat(xi_2 * slats)
         sin2_slat = tan_slat * tan_slat / (1.0 + tan_slat * tan_slat)
     sin2 = xi_3 * sin2_slat
     sine, cosine = sine_and_cosine(xi_4)
     x = math.sqrt(sin2) * cosine
     y = math.sqrt(sin2) * sine
     z = math.sqrt(1.0 - sin2)
-    nx, ny, nz = lights.direction[light, 0], lights.direction[light, 1], lights.direction[light, 2]
+    nx, ny, nz = direction[light, 0], direction[light, 1], direction[light, 2]
     tx, ty, tz, bx, by, bz = orthonormal_basis(nx, ny, nz)
     # A light that lies in a surface shines from just above it.
     away = offset_distance(px, py, pz, 0.0)

@@ -44,6 +44,7 @@ def emit_photons(seed, first_photon, emitters, origins, directions, weights, dar
     first_point = len(emitters.areas.center)
     first_sun = first_point + len(emitters.points.radius)
     world = first_sun + len(emitters.suns.direction)
+    center, edge_u, edge_v, direction, elliptic, slat_range = emitters.areas
     for i in range(len(origins)):
         photon = first_photon + i
         coarse, fine, xi_0, xi_1 = random4(seed, photon, STREAM_EMISSION)
@@ -57,7 +58,9 @@ def emit_photons(seed, first_photon, emitters, origins, directions, weights, dar
         else:
             xi_2, xi_3, xi_4, _ = random4(seed, photon, STREAM_EMISSION + 1)
             if emitter < first_point:
-                ox, oy, oz, dx, dy, dz = emit_area(emitters.areas, emitter, xi_0, xi_1, xi_2, xi_3, xi_4)
+                ox, oy, oz, dx, dy, dz = emit_area(
+                    center, edge_u, edge_v, direction, elliptic, slat_range, emitter, xi_0, xi_1, xi_2, xi_3, xi_4
+                )
             elif emitter < world:
                 light = emitter - first_sun
                 ox, oy, oz, dx, dy, dz, exists = emit_sun(
