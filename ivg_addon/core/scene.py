@@ -7,6 +7,7 @@ space. Arrays are C-contiguous; ``float32`` and ``int32`` unless said otherwise.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,7 +69,7 @@ class Texture:
     name
         The image datablock's name.
     pixels : (height, width, 3) float32
-        RGB, first row at v = 0; linear, or sRGB-encoded where `encoded` says so.
+        RGB, not negative, first row at v = 0; linear, or sRGB-encoded where `encoded` says so.
     interpolate
         Bilinear; False takes the nearest texel.
     extension
@@ -84,9 +85,69 @@ class Texture:
     encoded: bool = False
 
 
+def _none(*shape: int, kind: type = np.float32) -> NDArray[Any]:
+    return np.zeros((0, *shape), dtype=kind)
+
+
+@dataclass(frozen=True)
+class Lobes:
+    """Ways in which materials scatter light besides diffuse reflection: l rows, sorted by material.
+
+    What a lobe reflects or lets through is, with f its Fresnel factor at a microfacet, 0 at normal and 1 at grazing
+    incidence:
+
+        GLOSSY       color + (second − color) f        (NONE: color)
+        GLASS        F color reflected, (1 − F) second refracted, F the dielectric reflectance of `ior`
+        REFRACTION   color, all of it refracted
+        TRANSLUCENT  color, with a cosine on the other side
+        TRANSPARENT  color, straight on
+
+    Parameters
+    ----------
+    material : (l,) int32
+        Index into `Materials`, never decreasing.
+    kind : (l,) int32
+        One of `GLOSSY`, `GLASS`, `REFRACTION`, `TRANSLUCENT`, `TRANSPARENT`.
+    color, second : (l, 3) float32
+        Linear RGB, the lobe's weight in the material included; see above.
+    color_texture, second_texture : (l,) int32
+        Textures that multiply them, or `NO_TEXTURE`.
+    roughness : (l,) float32
+        Square root of GGX's α, in [0, 1]; 0 is a mirror.
+    roughness_texture : (l,) int32
+        A texture whose red channel multiplies it, or `NO_TEXTURE`.
+    ior : (l,) float32
+        Index of refraction, of what lies behind the front over what lies before it.
+    fresnel : (l,) int32
+        `NONE`, `SCHLICK` or `DIELECTRIC`: the shape of f of a glossy lobe.
+    multiscatter : (l,) bool
+        Light that bounces between facets is not lost ("Multiscatter GGX").
+    """
+
+    material: Int32 = field(default_factory=lambda: _none(kind=np.int32))
+    kind: Int32 = field(default_factory=lambda: _none(kind=np.int32))
+    color: Float32 = field(default_factory=lambda: _none(3))
+    color_texture: Int32 = field(default_factory=lambda: _none(kind=np.int32))
+    second: Float32 = field(default_factory=lambda: _none(3))
+    second_texture: Int32 = field(default_factory=lambda: _none(kind=np.int32))
+    roughness: Float32 = field(default_factory=lambda: _none())
+    roughness_texture: Int32 = field(default_factory=lambda: _none(kind=np.int32))
+    ior: Float32 = field(default_factory=lambda: _none())
+    fresnel: Int32 = field(default_factory=lambda: _none(kind=np.int32))
+    multiscatter: NDArray[np.bool_] = field(default_factory=lambda: _none(kind=np.bool_))
+
+
+GLOSSY, GLASS, REFRACTION, TRANSLUCENT, TRANSPARENT = range(5)
+"""Kinds of lobes."""
+NONE, SCHLICK, DIELECTRIC = range(3)
+"""Shapes of a glossy lobe's Fresnel factor: constant; (1 − cos θ)⁵; that of a dielectric of the lobe's IOR."""
+
+
 @dataclass(frozen=True)
 class Materials:
-    """Diffuse reflection and emission of each material, as arrays indexed by material.
+    """What surfaces do with light, as arrays indexed by material.
+
+    A material describes the side that its triangles show to the front; the side seen from behind may be another row.
 
     Parameters
     ----------
@@ -96,13 +157,22 @@ class Materials:
     texture : (m,) int32
         Index into `Scene.textures`, or `NO_TEXTURE`.
     emission : (m, 3) float32
-        Radiance that both sides emit, W/(m² sr).
+        Radiance, W/(m² sr). Where there is a texture it multiplies the texture.
+    emission_texture : (m,) int32, optional
+        Index into `Scene.textures`, or `NO_TEXTURE`; none has one where this is not given.
+    back : (m,) int32, optional
+        The material that describes the back side; without it both sides of each are alike.
+    lobes
+        What is scattered otherwise than by diffuse reflection.
     """
 
     names: tuple[str, ...]
     albedo: Float32
     texture: Int32
     emission: Float32
+    emission_texture: Int32 | None = None
+    back: Int32 | None = None
+    lobes: Lobes = field(default_factory=Lobes)
 
 
 @dataclass(frozen=True)
