@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import SceneError, SettingsError
 from ..core.metrics import mean_and_error
-from ..core.progress import Progress
+from ..core.progress import Progress, finish
 from .cycles_stage import changed, cycles_stage, removed
 
 Float64 = NDArray[np.float64]
@@ -74,12 +74,7 @@ def cycles_irradiance(
         bounces=bounces,
         seed=seed,
     )
-    while True:
-        try:
-            next(steps)
-        except StopIteration as end:
-            measured: Measured = end.value
-            return measured.irradiance
+    return finish(steps).irradiance
 
 
 def irradiance_steps(

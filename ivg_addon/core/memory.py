@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
-
-import psutil
 
 from .errors import MemoryLimitError
 
@@ -19,7 +18,14 @@ def human(size: float) -> str:
 
 
 def require(size: int, what: str, cure: str) -> None:
-    """Raise `MemoryLimitError` when `size` bytes are more than this machine has to give."""
+    """Raise `MemoryLimitError` when `size` bytes are more than this machine has to give.
+
+    Grids are looked up with numpy and Numba alone: where psutil is missing too, nothing is known and nothing refused.
+    """
+    try:
+        import psutil
+    except ImportError:
+        return
     available = psutil.virtual_memory().available
     if size > 0.9 * available:
         raise MemoryLimitError(f"{what} needs {human(size)} of memory, of which {human(available)} are free: {cure}")
@@ -27,7 +33,9 @@ def require(size: int, what: str, cure: str) -> None:
 
 def peak() -> int:
     """Return the most memory that this process has held so far, bytes."""
-    if psutil.WINDOWS:
+    if sys.platform == "win32":
+        import psutil
+
         info = psutil.Process().memory_info()
         return int(getattr(info, "peak_wset"))  # noqa: B009 (a field that only Windows has)
     status = Path("/proc/self/status")
@@ -37,4 +45,4 @@ def peak() -> int:
         return int(line.split()[1]) * 1024
     import resource
 
-    return int(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss) * (1 if psutil.MACOS else 1024)
+    return int(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss) * (1 if sys.platform == "darwin" else 1024)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import os
 import time
 from collections.abc import Generator
@@ -114,15 +113,16 @@ def shade_steps(
         light = _irradiance(grid, points, normals, look_up) * albedo / np.pi if len(seen) else albedo
         add_up(seen, samples, light, albedo, sums[pixel : pixel + count])
 
-    start = time.perf_counter()
     starts = range(0, pixels, per_batch)
     with ThreadPoolExecutor(threads or os.cpu_count(), thread_name_prefix="ivg-picture") as pool:
         futures = [pool.submit(shade, pixel) for pixel in starts]
         try:
-            for done, future in zip(itertools.count(1), futures):
+            futures[0].result()  # compiles, once after installing: that says nothing of how long the others take
+            start = time.perf_counter()
+            for done, future in enumerate(futures):
                 future.result()
-                left = (time.perf_counter() - start) * (len(starts) - done) / done
-                yield Progress("Shading from the grid", done / len(starts), left)
+                left = (time.perf_counter() - start) * (len(starts) - done) / done if done else None
+                yield Progress("Shading from the grid", (done + 1) / len(starts), left)
         finally:
             for future in futures:
                 future.cancel()

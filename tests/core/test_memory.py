@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,6 +14,9 @@ import pytest
 from ivg_addon.core.errors import MemoryLimitError
 from ivg_addon.core.memory import human, peak, require
 
+from .grids import UNIFORM, grid
+
+ROOT = Path(__file__).resolve().parents[2]
 GIB = 1 << 30
 
 
@@ -46,3 +52,21 @@ def test_the_peak_grows_with_what_is_held() -> None:
     held = np.ones(256 << 20, dtype=np.uint8)
     assert peak() >= before
     assert peak() >= held.nbytes
+
+
+LOOK_UP = """
+import sys
+for absent in ("bpy", "embreex", "psutil", "OpenEXR"):
+    sys.modules[absent] = None
+from ivg_addon.core import IrradianceVectorGrid
+grid = IrradianceVectorGrid.load(sys.argv[1])
+print(grid.irradiance([(0.5, 2.5, 1.5)], [(0, 0, 1)]).shape)
+"""
+
+
+def test_grids_are_looked_up_with_numpy_and_numba_alone(tmp_path: Path) -> None:
+    path = tmp_path / "room.ivg.npz"
+    grid(UNIFORM).save(path)
+    command = [sys.executable, "-c", LOOK_UP, str(path)]
+    result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=120)
+    assert (result.stdout, result.stderr) == ("(1, 3)\n", "")
