@@ -56,7 +56,7 @@ def main() -> int:
     print("million look-ups a second; median (range)")
     missed = 0
     for spatial, least in LEAST.items():
-        seconds(grid, places, spatial, look_up.CHUNK)  # compiles the kernel and sharpens the vectors
+        seconds(grid, places, spatial, look_up.CHUNK)  # compiles the kernels and deconvolves the vectors
         rates: dict[int, list[float]] = {threads: [] for threads in chunks}
         for _ in range(options.rounds):
             for threads, chunk in chunks.items():

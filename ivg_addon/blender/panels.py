@@ -8,10 +8,11 @@ from typing import Any
 
 import bpy
 
+from ..core.grid import grid_bytes
 from . import jobs
 from .bounds_preview import preview
 from .grid_store import default_grid_name
-from .summary import count, duration, grid_memory, memory, voxels
+from .summary import count, duration, memory, voxels
 
 NOTICE_ICONS = {"simplified": "INFO", "left out": "CANCEL", "warning": "ERROR"}
 UNSAVED = "This file was never saved: the grid is kept in the extension's own folder"
@@ -161,7 +162,7 @@ class IVG_PT_bounds(_RenderPanel, bpy.types.Panel):
             layout,
             ("Size", " × ".join(sides)),
             ("Grid", f"{voxels(found.resolution)} voxels"),
-            ("Memory", memory(grid_memory(found.resolution))),
+            ("Memory", memory(grid_bytes(found.resolution))),
         )
 
 

@@ -3,13 +3,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from datetime import datetime
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..core.grid import grid_bytes
 from ..core.report import Notice
 
 if TYPE_CHECKING:
@@ -52,12 +52,6 @@ def memory(size: float) -> str:
     return f"{size / (1 << 30):.1f} GiB"
 
 
-def grid_memory(resolution: Iterable[int]) -> int:
-    """Return the bytes of a grid: six vectors of three channels and a validity per vertex."""
-    vertices = math.prod(number + 1 for number in resolution)
-    return vertices * (6 * 3 * 3 + 1) * 4
-
-
 def voxels(resolution: Iterable[int]) -> str:
     """Return ``20 × 22 × 20``."""
     return " × ".join(str(number) for number in resolution)
@@ -78,11 +72,10 @@ def grid_rows(grid: IrradianceVectorGrid) -> list[Row]:
     record = grid.record
     settings = record.settings
     created = datetime.fromisoformat(record.created).astimezone()
-    size = grid.vectors.nbytes + grid.validity.nbytes
     return [
         ("Baked", f"{created:%Y-%m-%d %H:%M}, version {record.version}"),
         ("Scene", record.scene),
-        ("Grid", f"{voxels(grid.resolution)} voxels, {memory(size)}"),
+        ("Grid", f"{voxels(grid.resolution)} voxels, {memory(grid_bytes(grid.resolution))}"),
         ("Box", box(grid.bounds_min, grid.bounds_max)),
         ("Lit", f"{np.mean(grid.validity > 0):.1%} of the vertices"),
         (

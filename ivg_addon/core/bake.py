@@ -1,6 +1,6 @@
 """Scene in, grid out: the bake, step by step.
 
-emission → photon walk → tally → vectors per dual cell → lit share → grid
+emission → photon walk → tally → vectors per dual cell → lit parts → grid
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from .dual_cells import Lattice
 from .embree import Tracer
 from .emission import Emission, prepare_emission
 from .errors import SceneError
-from .grid import BakeRecord, IrradianceVectorGrid
-from .lit_volume import LightKnowledge, lit_share_steps
+from .grid import BakeRecord, IrradianceVectorGrid, grid_bytes
+from .lit_volume import LightKnowledge, LitParts, lit_part_steps
 from .memory import require
 from .photon_walk import Course, Walk, thread_count, walk_steps
 from .progress import Progress, Result, finish
@@ -89,11 +89,6 @@ class BakeResult:
     notices: tuple[Notice, ...]
 
 
-def grid_bytes(resolution: tuple[int, int, int]) -> int:
-    """Return the memory of a grid: 6 vectors of 3 channels and a validity per vertex."""
-    return int(np.prod([n + 1 for n in resolution], dtype=object)) * (54 + 1) * 4
-
-
 def memory_needed(settings: BakeSettings) -> int:
     """Return the most memory that the sums and the grid of a bake take together, bytes."""
     lattice = _lattice(settings)
@@ -126,20 +121,22 @@ def bake_steps(scene: Scene, settings: BakeSettings) -> Generator[Progress, None
     walk = yield from _scaled(walk_steps(course, lattice, settings), 0.0, photon_share)
     lit_start = time.perf_counter()
     vectors = walk.tally.vectors(course.emission.flux_scale / settings.photons)
-    validity = np.ones(lattice.shape, dtype=np.float32)
     if _measures_lit_volume(settings):
-        shares = lit_share_steps(
+        measured = lit_part_steps(
             _light_knowledge(scene, course, walk), lattice, settings.lit_points, settings.seed, settings.threads
         )
-        validity = yield from _scaled(shares, photon_share, 1.0)
-        vectors, validity = _normalise(vectors, validity)
+        parts = yield from _scaled(measured, photon_share, 1.0)
+    else:
+        parts = LitParts.whole(lattice)
+    vectors, validity = _normalise(vectors, parts.share)
     grid = IrradianceVectorGrid(
         vectors=vectors.astype(np.float32),
         validity=validity,
+        lit_weights=parts.weights,
         lattice=lattice,
         record=_record(scene, settings, course.emission),
     )
-    statistics = _statistics(settings, course.emission, walk, grid)
+    statistics = _statistics(settings, course.emission, walk)
     return BakeResult(
         grid=grid,
         statistics=replace(
@@ -197,7 +194,7 @@ def _compile_kernels(scene: Scene, course: Course, settings: BakeSettings) -> No
     lattice = _lattice(tiny)
     walk = finish(walk_steps(course, lattice, tiny))
     if _measures_lit_volume(settings):
-        finish(lit_share_steps(_light_knowledge(scene, course, walk), lattice, 1, 0, 1))
+        finish(lit_part_steps(_light_knowledge(scene, course, walk), lattice, 1, 0, 1))
 
 
 def _scaled(steps: Generator[Progress, None, Result], low: float, high: float) -> Generator[Progress, None, Result]:
@@ -232,7 +229,7 @@ def _record(scene: Scene, settings: BakeSettings, emission: Emission) -> BakeRec
     )
 
 
-def _statistics(settings: BakeSettings, emission: Emission, walk: Walk, grid: IrradianceVectorGrid) -> BakeStatistics:
+def _statistics(settings: BakeSettings, emission: Emission, walk: Walk) -> BakeStatistics:
     """Gather numbers; the phases other than the photons' are filled in by the caller."""
 
     def watts(share: np.ndarray) -> Vec3:
@@ -251,7 +248,7 @@ def _statistics(settings: BakeSettings, emission: Emission, walk: Walk, grid: Ir
         lit_seconds=0.0,
         embree_seconds=walk.embree_seconds,
         threads=thread_count(settings),
-        grid_bytes=grid.vectors.nbytes + grid.validity.nbytes,
+        grid_bytes=grid_bytes(settings.resolution),
     )
 
 

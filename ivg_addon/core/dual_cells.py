@@ -73,6 +73,21 @@ class Lattice:
         x, y, z = self._edges()
         return x[:, None, None] * y[None, :, None] * z[None, None, :]
 
+    def whole_cell_weights(self) -> NDArray[np.float16]:
+        """Return the mean of each trilinear weight over each whole dual cell, (Ni+1, Nj+1, Nk+1, 3, 3, 3).
+
+        Entry (a, b, c) is that of the vertex (i + a − 1, j + b − 1, k + c − 1): along an axis 1/8, 3/4, 1/8, and
+        3/4, 1/4 where the bounds halve the cell. All are multiples of 1/512, which float16 holds exactly.
+        """
+        axes = []
+        for count in self.shape:
+            weights = np.tile(np.array([1 / 8, 3 / 4, 1 / 8], dtype=np.float16), (count, 1))
+            weights[0], weights[-1] = (0, 3 / 4, 1 / 4), (1 / 4, 3 / 4, 0)
+            axes.append(weights)
+        x, y, z = axes
+        xy = x[:, None, :, None] * y[None, :, None, :]
+        return np.asarray(xy[:, :, None, :, :, None] * z[None, None, :, None, None, :])
+
     def face_areas(self) -> Float64:
         """Return A of each dual cell's cross-section at its vertex, (Ni+1, Nj+1, Nk+1, 3) m².
 

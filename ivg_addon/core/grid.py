@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from .dual_cells import Lattice
 from .errors import SettingsError
-from .prefilter import sharpened
 from .settings import BakeSettings, Directional, Spatial, Vec3
 
 DEFAULT_NORMAL_BIAS = 0.25
@@ -47,15 +46,22 @@ class BakeRecord:
     emitted: Vec3
 
 
-class _SharpenedVectors(dict[Spatial, NDArray[np.float32]]):
-    """Vectors by the interpolation that they are sharpened for."""
+def grid_bytes(resolution: tuple[int, int, int]) -> int:
+    """Return the memory of a grid: at each vertex 6 vectors of 3 channels, a validity, and 27 weights."""
+    return math.prod(n + 1 for n in resolution) * ((54 + 1) * 4 + 27 * 2)
 
-    def __init__(self, vectors: NDArray[np.float32], validity: NDArray[np.float32]) -> None:
+
+class _InterpolatedVectors(dict[Spatial, NDArray[np.float32]]):
+    """What look-ups interpolate, by the interpolation."""
+
+    def __init__(self, grid: IrradianceVectorGrid) -> None:
         super().__init__()
-        self._vectors, self._validity = vectors, validity
+        self._arrays = grid.vectors, grid.validity, grid.lit_weights
 
     def __missing__(self, spatial: Spatial) -> NDArray[np.float32]:
-        self[spatial] = sharpened(self._vectors, self._validity, spatial)
+        from .prefilter import deconvolved
+
+        self[spatial] = deconvolved(*self._arrays, spatial)
         return self[spatial]
 
 
@@ -70,6 +76,9 @@ class IrradianceVectorGrid:
         in the order +x, −x, +y, −y, +z, −z.
     validity : (Ni+1, Nj+1, Nk+1) float32
         Lit share of each dual cell; vertices with 0 are left out of the interpolation.
+    lit_weights : (Ni+1, Nj+1, Nk+1, 3, 3, 3) float16
+        Means over the lit part of each dual cell of the trilinear weights of the vertices around: entry (a, b, c) is
+        that of the vertex (i + a − 1, j + b − 1, k + c − 1). Look-ups take back with them what averaging smoothed.
     lattice
         Bounds and resolution.
     record
@@ -78,24 +87,24 @@ class IrradianceVectorGrid:
 
     vectors: NDArray[np.float32]
     validity: NDArray[np.float32]
+    lit_weights: NDArray[np.float16]
     lattice: Lattice
     record: BakeRecord = field(compare=False)
 
     def __post_init__(self) -> None:
         """Check shapes and types."""
-        if self.vectors.shape != (*self.lattice.shape, 6, 3, 3):
-            raise SettingsError(
-                f"grid vectors have shape {self.vectors.shape}: "
-                f"a grid of {self.resolution} voxels needs {(*self.lattice.shape, 6, 3, 3)}"
-            )
-        if self.validity.shape != self.lattice.shape:
-            raise SettingsError(
-                f"grid validity has shape {self.validity.shape}: "
-                f"a grid of {self.resolution} voxels needs {self.lattice.shape}"
-            )
-        for name, array in (("vectors", self.vectors), ("validity", self.validity)):
-            if array.dtype != np.float32:
-                raise SettingsError(f"grid {name}: {array.dtype} instead of float32")
+        for name, array, per_vertex, dtype in (
+            ("vectors", self.vectors, (6, 3, 3), np.float32),
+            ("validity", self.validity, (), np.float32),
+            ("lit_weights", self.lit_weights, (3, 3, 3), np.float16),
+        ):
+            shape = (*self.lattice.shape, *per_vertex)
+            if array.shape != shape:
+                raise SettingsError(
+                    f"grid {name} have shape {array.shape}: a grid of {self.resolution} voxels needs {shape}"
+                )
+            if array.dtype != dtype:
+                raise SettingsError(f"grid {name}: {array.dtype} instead of {np.dtype(dtype)}")
 
     @property
     def resolution(self) -> tuple[int, int, int]:
@@ -169,13 +178,13 @@ class IrradianceVectorGrid:
             raise SettingsError(f"{error}: use TRILINEAR or TRICUBIC, and LEAST_SQUARES or REPORT") from error
         from .look_up import irradiance
 
-        vectors = self.vectors if directional is Directional.REPORT else self._sharpened[spatial]
+        vectors = self.vectors if directional is Directional.REPORT else self._interpolated[spatial]
         return irradiance(vectors, self.validity, self.lattice, p, n, spatial, directional, normal_bias)
 
     @cached_property
-    def _sharpened(self) -> _SharpenedVectors:
+    def _interpolated(self) -> _InterpolatedVectors:
         """The vectors as the default look-ups interpolate them, made when first asked for."""
-        return _SharpenedVectors(self.vectors, self.validity)
+        return _InterpolatedVectors(self)
 
     def save(self, path: str | Path) -> None:
         """Write the grid to a .ivg.npz file, whole or not at all; raises `GridFileError`."""

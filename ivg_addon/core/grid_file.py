@@ -1,7 +1,7 @@
 """The grid's file: `.ivg.npz`, described in docs/file-format.md.
 
-A zip archive of numpy arrays without pickles: `vectors`, `validity` and `header`, a JSON text with
-the format's name and version, the lattice and the record of the bake. It is written to a
+A zip archive of numpy arrays without pickles: `vectors`, `validity`, `lit_weights` and `header`, a JSON text with the
+format's name and version, the lattice and the record of the bake. It is written to a
 temporary file beside the target and renamed, so a reader sees a whole file or the previous one.
 """
 
@@ -28,7 +28,7 @@ from .memory import require
 from .settings import BakeSettings, Estimator
 
 FORMAT = "irradiance-vector-grid"
-VERSION = 1
+VERSION = 2
 SUFFIX = ".ivg.npz"
 
 _MOST_HEADER_BYTES = 1 << 20
@@ -72,7 +72,13 @@ def save(grid: IrradianceVectorGrid, path: Path) -> None:
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
         with os.fdopen(handle, "wb") as stream:
-            np.savez(stream, header=np.array(header), vectors=grid.vectors, validity=grid.validity)
+            np.savez(
+                stream,
+                header=np.array(header),
+                vectors=grid.vectors,
+                validity=grid.validity,
+                lit_weights=grid.lit_weights,
+            )
             stream.flush()
             os.fsync(stream.fileno())
         # mkstemp makes files that only their owner may read; a grid is an ordinary file.
@@ -96,18 +102,19 @@ def load(path: Path) -> IrradianceVectorGrid:
         with zipfile.ZipFile(path) as archive:
             header = _read_header(archive, path)
             lattice, record = _parse_header(header, path)
-            shape = (*lattice.shape, 6, 3, 3)
-            vectors = _read_array(archive, "vectors", shape, path)
-            validity = _read_array(archive, "validity", lattice.shape, path)
+            shape = lattice.shape
+            vectors = _read_array(archive, "vectors", (*shape, 6, 3, 3), np.dtype(np.float32), path)
+            validity = _read_array(archive, "validity", shape, np.dtype(np.float32), path)
+            lit_weights = _read_array(archive, "lit_weights", (*shape, 3, 3, 3), np.dtype(np.float16), path)
     except FileNotFoundError as error:
         raise GridFileError(f"{path} does not exist: bake it first, or name another") from error
     except _DAMAGE as error:
         raise GridFileError(f"{path} is not a grid file, or only part of one ({error}): bake it again") from error
     except OSError as error:
         raise GridFileError(f"cannot read {path} ({error.strerror or error})") from error
-    if not (np.isfinite(vectors).all() and np.isfinite(validity).all()):
+    if not all(np.isfinite(array).all() for array in (vectors, validity, lit_weights)):
         raise GridFileError(f"{path} holds numbers that are not finite: bake it again")
-    return IrradianceVectorGrid(vectors, validity, lattice, record)
+    return IrradianceVectorGrid(vectors, validity, lit_weights, lattice, record)
 
 
 def _member(archive: zipfile.ZipFile, name: str, path: Path) -> zipfile.ZipInfo:
@@ -133,9 +140,11 @@ def _read_header(archive: zipfile.ZipFile, path: Path) -> dict[str, Any]:
         raise GridFileError(f"{path} is a '{name}' file: expected '{FORMAT}'")
     if not isinstance(version, int) or version < 1:
         raise GridFileError(f"{path} has no valid version number ({version!r}): bake it again")
+    if version < VERSION:
+        raise GridFileError(f"{path} has format version {version}, which had no lit weights: bake it again")
     if version > VERSION:
         raise GridFileError(
-            f"{path} has format version {version}, this program reads up to {VERSION}: update Irradiance Vector Grid"
+            f"{path} has format version {version}, this program reads {VERSION}: update Irradiance Vector Grid"
         )
     return dict(header)
 
@@ -172,10 +181,12 @@ def _vec3(values: Any) -> tuple[float, float, float]:
     return x, y, z
 
 
-def _read_array(archive: zipfile.ZipFile, name: str, shape: tuple[int, ...], path: Path) -> NDArray[np.float32]:
-    """Return a float32 array, after checking that the file holds as much as it claims."""
+def _read_array(
+    archive: zipfile.ZipFile, name: str, shape: tuple[int, ...], dtype: np.dtype[Any], path: Path
+) -> NDArray[Any]:
+    """Return an array, after checking that the file holds as much as it claims."""
     entry = _member(archive, name, path)
-    size = int(np.prod(shape, dtype=object)) * 4
+    size = int(np.prod(shape, dtype=object)) * dtype.itemsize
     if not size <= entry.file_size <= size + (1 << 16):
         raise GridFileError(
             f"{path}: array '{name}' holds {entry.file_size} bytes where a grid of its resolution "
@@ -187,6 +198,6 @@ def _read_array(archive: zipfile.ZipFile, name: str, shape: tuple[int, ...], pat
             array = npy.read_array(stream, allow_pickle=False)
         except _DAMAGE as error:
             raise GridFileError(f"{path}: array '{name}' is damaged ({error}): bake it again") from error
-    if array.shape != shape or array.dtype != np.float32:
-        raise GridFileError(f"{path}: array '{name}' is {array.dtype} {array.shape}, expected float32 {shape}")
+    if array.shape != shape or array.dtype != dtype:
+        raise GridFileError(f"{path}: array '{name}' is {array.dtype} {array.shape}, expected {dtype} {shape}")
     return np.ascontiguousarray(array)

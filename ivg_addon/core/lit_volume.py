@@ -1,7 +1,8 @@
-"""Which share of each dual cell light can reach.
+"""Which part of each dual cell light can reach.
 
 A cell that a wall or a solid cuts averages where no light is. Its tally is therefore divided by
-its lit volume, found with points spread through the cell. Random rays from a point vote, by the
+its lit volume, found with points spread through the cell. (The same points tell of what the vertex
+stores a mean: `prefilter.py` takes it back.) Random rays from a point vote, by the
 first surface that they meet and by what the photon walk found out about it:
 
 * a side that received many photons: the point is lit;
@@ -100,6 +101,22 @@ _G = 1.2207440846057596
 _R3 = (1.0 / _G, 1.0 / _G**2, 1.0 / _G**3)
 
 
+@inlined
+def _coordinate(shift, point, axis, index, count):
+    """Return where a dual cell's point lies along an axis, in voxels from the grid's lower bound."""
+    x = shift + (point + 1) * _R3[axis]
+    x -= np.floor(x)
+    a = max(index - 0.5, 0.0)
+    b = min(index + 0.5, count - 1.0)
+    return a + (b - a) * x
+
+
+@inlined
+def _vertex_indices(vertex, counts):
+    """Return (i, j, k) of a flat vertex index."""
+    return vertex // (counts[1] * counts[2]), vertex // counts[2] % counts[1], vertex % counts[2]
+
+
 @kernel
 def spread_points(cells, first_point, count, seed, low, voxel, counts, origins):
     """Fill origins with points first_point … + count − 1 of each cell, cell after cell.
@@ -114,21 +131,49 @@ def spread_points(cells, first_point, count, seed, low, voxel, counts, origins):
         Changed in place.
     """
     for index in range(len(cells)):
-        vertex = cells[index]
-        ijk = (
-            vertex // (counts[1] * counts[2]),
-            vertex // counts[2] % counts[1],
-            vertex % counts[2],
-        )
-        shift = random4(seed, vertex, STREAM_LIT_VOLUME)
+        ijk = _vertex_indices(cells[index], counts)
+        shift = random4(seed, cells[index], STREAM_LIT_VOLUME)
         for point in range(count):
             row = index * count + point
             for axis in range(3):
-                x = shift[axis] + (first_point + point + 1) * _R3[axis]
-                x -= np.floor(x)
-                a = max(ijk[axis] - 0.5, 0.0)
-                b = min(ijk[axis] + 0.5, counts[axis] - 1.0)
-                origins[row, axis] = np.float32(low[axis] + (a + (b - a) * x) * voxel[axis])
+                x = _coordinate(shift[axis], first_point + point, axis, ijk[axis], counts[axis])
+                origins[row, axis] = np.float32(low[axis] + x * voxel[axis])
+
+
+@kernel
+def mean_weights(cells, lit, seed, counts, weights):
+    """Fill weights with the means of the trilinear weights over the lit points of each cell.
+
+    Parameters
+    ----------
+    cells : (n,) int64
+        Flat vertex indices.
+    lit : (n, count) bool
+        Which of the cell's first `count` points are lit; at least one.
+    weights : (n, 3, 3, 3) float64
+        Changed in place; entry (a, b, c) is for the vertex a − 1, b − 1, c − 1 further on.
+    """
+    w = np.empty((3, 3))
+    for index in range(len(cells)):
+        ijk = _vertex_indices(cells[index], counts)
+        shift = random4(seed, cells[index], STREAM_LIT_VOLUME)
+        weights[index] = 0.0
+        lit_points = 0
+        for point in range(lit.shape[1]):
+            if not lit[index, point]:
+                continue
+            lit_points += 1
+            for axis in range(3):
+                x = _coordinate(shift[axis], point, axis, ijk[axis], counts[axis]) - ijk[axis]
+                w[axis, 0] = max(-x, 0.0)
+                w[axis, 1] = 1.0 - abs(x)
+                w[axis, 2] = max(x, 0.0)
+            for a in range(3):
+                for b in range(3):
+                    wab = w[0, a] * w[1, b]
+                    for c in range(3):
+                        weights[index, a, b, c] += wab * w[2, c]
+        weights[index] /= lit_points
 
 
 @kernel
@@ -238,27 +283,55 @@ class LightKnowledge:
         return votes > 0
 
 
-def lit_share_steps(
+@dataclass(frozen=True)
+class LitParts:
+    """The part of each dual cell that light can reach.
+
+    Parameters
+    ----------
+    share : (Ni+1, Nj+1, Nk+1) float32
+        Of the cell's volume.
+    weights : (Ni+1, Nj+1, Nk+1, 3, 3, 3) float16
+        Means over it of the trilinear weights, as `Lattice.whole_cell_weights` has them; those themselves where the
+        part is the whole or nothing.
+    """
+
+    share: Float32
+    weights: NDArray[np.float16]
+
+    @classmethod
+    def whole(cls, lattice: Lattice) -> LitParts:
+        """Return those of cells that light reaches everywhere."""
+        return cls(np.ones(lattice.shape, dtype=np.float32), lattice.whole_cell_weights())
+
+
+def lit_part_steps(
     knowledge: LightKnowledge, lattice: Lattice, points: int, seed: int, threads: int
-) -> Generator[Progress, None, Float32]:
-    """Return the lit share of every dual cell, (Ni+1, Nj+1, Nk+1) float32; yields as it goes.
+) -> Generator[Progress, None, LitParts]:
+    """Return the lit part of every dual cell; yields as it goes.
 
     Cells that geometry cuts get `points` points, the others a few: they are wholly lit or not.
     """
     low = np.asarray(lattice.bounds_min, dtype=np.float64)
     counts = np.asarray(lattice.shape, dtype=np.int64)
-    cut = np.zeros(lattice.shape, dtype=bool)
+    marked = np.zeros(lattice.shape, dtype=bool)
     geometry = knowledge.geometry
-    mark_cut_cells(geometry.vertices, geometry.triangles, low, lattice.voxel_size, counts, cut)
+    mark_cut_cells(geometry.vertices, geometry.triangles, low, lattice.voxel_size, counts, marked)
 
+    cut = marked.reshape(-1)
     share = np.zeros(lattice.vertex_count, dtype=np.float32)
+    weights = lattice.whole_cell_weights().reshape(-1, 3, 3, 3)
 
-    def measure(cells: NDArray[np.int64], per_cell: int) -> tuple[NDArray[np.int64], Float32]:
+    def measure(cells: NDArray[np.int64], per_cell: int) -> None:
         origins = np.empty((len(cells) * per_cell, 3), dtype=np.float32)
         spread_points(cells, 0, per_cell, seed, low, lattice.voxel_size, counts, origins)
         identifiers = (cells[:, None] * per_cell + np.arange(per_cell)).reshape(-1)
-        lit = knowledge.lit(origins, identifiers, seed)
-        return cells, lit.reshape(len(cells), per_cell).mean(axis=1, dtype=np.float32)
+        lit = knowledge.lit(origins, identifiers, seed).reshape(len(cells), per_cell)
+        share[cells] = lit.mean(axis=1, dtype=np.float32)
+        partly = cut[cells] & lit.any(axis=1) & ~lit.all(axis=1)
+        means = np.empty((np.count_nonzero(partly), 3, 3, 3))
+        mean_weights(cells[partly], lit[partly], seed, counts, means)
+        weights[cells[partly]] = means
 
     jobs = [
         *_jobs(np.flatnonzero(~cut), _PROBES),
@@ -268,15 +341,13 @@ def lit_share_steps(
         futures = [pool.submit(measure, *job) for job in jobs]
         try:
             for done, future in zip(itertools.count(1), futures):
-                cells, lit = future.result()
-                share[cells] = lit
+                future.result()
                 yield Progress("Measuring lit volumes", done / len(jobs))
         finally:
             for future in futures:
                 future.cancel()
-    uncut = ~cut.reshape(-1)
-    share[uncut] = share[uncut] >= 0.5
-    return share.reshape(lattice.shape)
+    share[~cut] = share[~cut] >= 0.5
+    return LitParts(share.reshape(lattice.shape), weights.reshape(*lattice.shape, 3, 3, 3))
 
 
 def _jobs(cells: NDArray[np.int64], per_cell: int) -> list[tuple[NDArray[np.int64], int]]:

@@ -28,12 +28,44 @@ def record(lattice: Lattice = LATTICE, scene: str = "Test") -> BakeRecord:
     )
 
 
-def grid(vectors: NDArray[np.generic], validity: object = None, lattice: Lattice = LATTICE) -> IrradianceVectorGrid:
-    """Return a grid of vectors (…, 6, 3, 3) at the vertices; lit all over unless `validity` tells."""
+def own_weights(lattice: Lattice = LATTICE) -> NDArray[np.float16]:
+    """Return lit weights of cells that are lit at their vertices alone: means are interpolated as they stand."""
+    weights = np.zeros((*lattice.shape, 3, 3, 3), dtype=np.float16)
+    weights[..., 1, 1, 1] = 1
+    return weights
+
+
+def grid(
+    vectors: NDArray[np.generic],
+    validity: object = None,
+    lattice: Lattice = LATTICE,
+    lit_weights: NDArray[np.float16] | None = None,
+) -> IrradianceVectorGrid:
+    """Return a grid of vectors (…, 6, 3, 3) at the vertices; lit all over unless `validity` and `lit_weights` tell."""
     lit = np.ones(lattice.shape) if validity is None else validity
     return IrradianceVectorGrid(
         vectors=np.ascontiguousarray(np.broadcast_to(vectors, (*lattice.shape, 6, 3, 3)), dtype=np.float32),
         validity=np.ascontiguousarray(np.broadcast_to(np.asarray(lit), lattice.shape), dtype=np.float32),
+        lit_weights=lattice.whole_cell_weights() if lit_weights is None else lit_weights,
         lattice=lattice,
         record=record(lattice),
     )
+
+
+def spread(scalar: Float64) -> NDArray[np.float32]:
+    """Return vectors all of whose 54 numbers are the vertices' scalar."""
+    return np.broadcast_to(scalar[..., None, None, None], (*scalar.shape, 6, 3, 3)).astype(np.float32)
+
+
+def matrix(validity: NDArray[np.float32], weights: NDArray[np.float16]) -> Float64:
+    """Return A, (vertices, vertices), one entry after the other; unlit vertices keep what they have."""
+    shape = validity.shape
+    a = np.zeros((validity.size, validity.size))
+    for row, vertex in enumerate(np.ndindex(shape)):
+        for offset in np.ndindex(3, 3, 3):
+            other = tuple(i + o - 1 for i, o in zip(vertex, offset, strict=True))
+            if all(0 <= i < n for i, n in zip(other, shape, strict=True)) and validity[other] > 0:
+                a[row, np.ravel_multi_index(other, shape)] = weights[vertex][offset]
+        if validity[vertex] == 0:
+            a[row] = np.arange(validity.size) == row
+    return np.asarray(a / a.sum(axis=1, keepdims=True))

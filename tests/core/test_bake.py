@@ -14,9 +14,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ivg_addon.core.bake import bake, bake_steps, grid_bytes, memory_needed
+from ivg_addon.core.bake import bake, bake_steps, memory_needed
 from ivg_addon.core.checksum import checksum
 from ivg_addon.core.errors import IvgError, MemoryLimitError, SceneError
+from ivg_addon.core.grid import grid_bytes
 from ivg_addon.core.lights import Lights
 from ivg_addon.core.progress import Progress, finish
 from ivg_addon.core.report import Notice
@@ -64,14 +65,14 @@ def test_the_grid_has_the_shape_that_was_asked_for() -> None:
 
 def test_statistics_are_watts_and_balance() -> None:
     result = bake(room(), replace(SETTINGS, photons=100_000))
-    told = result.statistics
+    told, grid = result.statistics, result.grid
     np.testing.assert_allclose(told.emitted, (3, 2, 1), rtol=1e-6)
     spent = np.add(np.add(told.absorbed, told.escaped), told.cut)
     # Russian roulette keeps this right on average; in a grey room its share of the noise is below one part in 300.
     np.testing.assert_allclose(spent, told.emitted, rtol=5 / 300)
     assert told.photons == 100_000
     assert told.photons < told.rays < 4 * told.photons
-    assert told.grid_bytes == grid_bytes(SETTINGS.resolution)
+    assert told.grid_bytes == grid.vectors.nbytes + grid.validity.nbytes + grid.lit_weights.nbytes
     assert told.threads >= 1
     assert told.photons_per_second == pytest.approx(told.photons / told.photon_seconds)
     assert told.seconds == pytest.approx(told.prepare_seconds + told.photon_seconds + told.lit_seconds)
@@ -84,15 +85,20 @@ def test_the_same_seed_gives_the_same_grid(estimator: Estimator) -> None:
     first, second = (bake(room(), replace(asked, threads=threads)).grid for threads in (1, 2))
     np.testing.assert_array_equal(first.vectors, second.vectors)
     np.testing.assert_array_equal(first.validity, second.validity)
+    np.testing.assert_array_equal(first.lit_weights, second.lit_weights)
     other = bake(room(), replace(asked, seed=1)).grid
     assert (other.vectors != first.vectors).any()
 
 
 def test_the_report_knows_no_lit_volume() -> None:
     """Its vertices are all valid and divided by whole faces; so are those of others if no points are asked for."""
-    assert (bake(room(), replace(SETTINGS, estimator=Estimator.REPORT)).grid.validity == 1).all()
-    assert (bake(room(), replace(SETTINGS, lit_points=0)).grid.validity == 1).all()
-    assert (bake(room(), SETTINGS).grid.validity < 1).any()
+    for asked in (replace(SETTINGS, estimator=Estimator.REPORT), replace(SETTINGS, lit_points=0)):
+        grid = bake(room(), asked).grid
+        assert (grid.validity == 1).all()
+        np.testing.assert_array_equal(grid.lit_weights, grid.lattice.whole_cell_weights())
+    grid = bake(room(), SETTINGS).grid
+    assert (grid.validity < 1).any()
+    assert (grid.lit_weights != grid.lattice.whole_cell_weights()).any()
 
 
 def test_direct_light_is_added_when_asked_for() -> None:
@@ -162,7 +168,7 @@ def test_memory_needed_counts_every_thread_and_the_grid() -> None:
     for threads in (1, 2, 4):
         needed = memory_needed(replace(asked, threads=threads))
         assert needed == threads * 1000 * 72 * 8 + 4 * grid_bytes(asked.resolution)
-    assert grid_bytes((9, 9, 9)) == 1000 * 55 * 4
+    assert grid_bytes((9, 9, 9)) == 1000 * (55 * 4 + 27 * 2)
     assert grid_bytes((10**6,) * 3) > 10**18
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -64,3 +66,25 @@ def test_a_cell_that_the_bounds_cut_keeps_half_a_quarter_or_an_eighth() -> None:
     assert [volumes[1, 1, 1], volumes[0, 1, 1], volumes[0, 2, 1], volumes[0, 2, 2]] == [1, 1 / 2, 1 / 4, 1 / 8]
     # Perpendicular to x: the cell at an edge of the grid along x keeps a quarter of its face.
     assert grid.face_areas()[1, 0, 2, 0] == grid.voxel_size[1] * grid.voxel_size[2] / 4
+
+
+@given(resolutions)
+def test_weights_of_whole_cells_are_means_of_trilinear_weights(resolution: tuple[int, ...]) -> None:
+    """By the midpoints of each octant, which are exact for what is linear along each axis."""
+    grid = lattice((0, 0, 0), (1, 1, 1), resolution)
+    weights = grid.whole_cell_weights()
+    assert weights.shape == (*grid.shape, 3, 3, 3)
+    assert weights.dtype == np.float16
+    expected = np.zeros(weights.shape)
+    for vertex in np.ndindex(grid.shape):
+        halves = [
+            [side for side in (-1, 1) if 0 <= i + side < count] for i, count in zip(vertex, grid.shape, strict=True)
+        ]
+        for octant in itertools.product(*halves):
+            for beyond in itertools.product((0, 1), repeat=3):
+                entry = tuple(1 + s * o for s, o in zip(octant, beyond, strict=True))
+                expected[vertex][entry] += np.prod([1 / 4 if o else 3 / 4 for o in beyond]) / np.prod(
+                    [len(half) for half in halves]
+                )
+    np.testing.assert_array_equal(weights, expected)
+    np.testing.assert_array_equal(weights.astype(np.float64).sum(axis=(-3, -2, -1)), 1)

@@ -60,6 +60,7 @@ def assert_refused(path: Path, *words: str) -> None:
 def assert_same(a: IrradianceVectorGrid, b: IrradianceVectorGrid) -> None:
     assert a.vectors.tobytes() == b.vectors.tobytes()
     assert a.validity.tobytes() == b.validity.tobytes()
+    assert a.lit_weights.tobytes() == b.lit_weights.tobytes()
     assert (a.lattice, a.record) == (b.lattice, b.record)
 
 
@@ -93,6 +94,7 @@ def any_grid(draw: st.DrawFn) -> IrradianceVectorGrid:
     return IrradianceVectorGrid(
         vectors=draw(arrays(np.float32, (*lattice.shape, 6, 3, 3), elements=finite)),
         validity=draw(arrays(np.float32, lattice.shape, elements=st.floats(0, 1, width=32))),
+        lit_weights=draw(arrays(np.float16, (*lattice.shape, 3, 3, 3), elements=st.floats(0, 1, width=16))),
         lattice=lattice,
         record=replace(made, settings=baked, emitted=draw(st.tuples(*[st.floats(0, 1e30)] * 3))),
     )
@@ -109,6 +111,7 @@ def test_what_comes_back_has_the_types_that_went_in(saved: Path) -> None:
     back = IrradianceVectorGrid.load(str(saved))
     assert isinstance(back.record.settings.estimator, Estimator)
     assert back.vectors.dtype == back.validity.dtype == np.float32
+    assert back.lit_weights.dtype == np.float16
     assert hash(back.lattice) == hash(SMALL)
     assert back.irradiance([(0.5, 0.5, 0.5)], [(0, 0, 1)]).shape == (1, 3)
 
@@ -210,7 +213,8 @@ def with_header(saved: Path, change: Callable[[dict[str, Any]], object]) -> Path
     ("change", "words"),
     [
         (lambda h: h.update(format="photo"), ["'photo' file", "expected 'irradiance-vector-grid'"]),
-        (lambda h: h.update(version=grid_file.VERSION + 1), ["format version 2", "update Irradiance Vector Grid"]),
+        (lambda h: h.update(version=grid_file.VERSION + 1), ["format version 3", "update Irradiance Vector Grid"]),
+        (lambda h: h.update(version=1), ["format version 1, which had no lit weights: bake it again"]),
         (lambda h: h.update(version=0), ["no valid version"]),
         (lambda h: h.update(version="1"), ["no valid version"]),
         (lambda h: h.pop("version"), ["unreadable header"]),
@@ -248,7 +252,7 @@ def test_a_header_of_enormous_size(saved: Path) -> None:
     assert_refused(rewritten(saved, saved.with_name("big.ivg.npz"), header=big), "header of", "not a grid file")
 
 
-@pytest.mark.parametrize("name", ["vectors", "validity"])
+@pytest.mark.parametrize("name", ["vectors", "validity", "lit_weights"])
 @pytest.mark.parametrize(
     "value",
     [
@@ -259,10 +263,13 @@ def test_a_header_of_enormous_size(saved: Path) -> None:
         np.full((*SMALL.shape, 6, 3, 3), np.nan, dtype=np.float32),
         np.full(SMALL.shape, np.inf, dtype=np.float32),
         np.zeros(SMALL.shape[::-1], dtype=np.float32),
+        np.full((*SMALL.shape, 3, 3, 3), np.inf, dtype=np.float16),
+        np.zeros((*SMALL.shape, 27), dtype=np.float16),
+        np.zeros((*SMALL.shape, 3, 3, 3), dtype=np.float32),
         b"\x93NUMPY",
         bytes(4 * 12 * 54 + 128),
     ],
-    ids=["missing", "float64", "int32", "turned", "NaN", "infinite", "flat turned", "short", "zeros"],
+    ids="missing float64 int32 turned NaN infinite flat-turned half-infinite flat single short zeros".split(),
 )
 def test_arrays_that_do_not_belong(saved: Path, name: str, value: object) -> None:
     assert_refused(rewritten(saved, saved.with_name("changed.ivg.npz"), **{name: value}))
@@ -278,14 +285,15 @@ class Trap:
         return open, (str(self.path), "w")
 
 
-@pytest.mark.parametrize("name", ["header", "vectors", "validity"])
+@pytest.mark.parametrize("name", ["header", "vectors", "validity", "lit_weights"])
 def test_pickles_are_not_opened(saved: Path, name: str) -> None:
     sprung = saved.with_name("sprung")
-    shape = {"header": (), "vectors": (*SMALL.shape, 6, 3, 3), "validity": SMALL.shape}[name]
+    shapes = {"header": (), "vectors": (*SMALL.shape, 6, 3, 3), "validity": SMALL.shape}
+    shape = shapes.get(name, (*SMALL.shape, 3, 3, 3))
     stream = io.BytesIO()
     np.lib.format.write_array_header_1_0(stream, {"descr": "|O", "fortran_order": False, "shape": shape})  # type: ignore[no-untyped-call]
     pickled = stream.getvalue() + pickle.dumps(Trap(sprung))
-    size = 4 * int(np.prod(shape)) + 128
+    size = (2 if name == "lit_weights" else 4) * int(np.prod(shape)) + 128
     trap = rewritten(saved, saved.with_name("trap.ivg.npz"), **{name: pickled.ljust(size, b"\0")})
     assert_refused(trap)
     assert not sprung.exists()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +14,6 @@ from numpy.typing import NDArray
 from ivg_addon.core import lit_volume
 from ivg_addon.core.bake import LEAST_LIT_SHARE, bake
 from ivg_addon.core.dual_cells import Lattice
-from ivg_addon.core.embree import Tracer
 from ivg_addon.core.lit_volume import (
     LEAK_RATIO,
     LIT,
@@ -25,35 +23,23 @@ from ivg_addon.core.lit_volume import (
     UNKNOWN,
     UNLIT,
     LightKnowledge,
-    lit_share_steps,
+    lit_part_steps,
     mark_cut_cells,
     side_verdict,
     spread_points,
 )
 from ivg_addon.core.progress import finish
-from ivg_addon.core.scene import Scene
 from ivg_addon.core.settings import BakeSettings
-from ivg_addon.core.surface_bins import BACK, FRONT, SurfaceBins
 
 from .convex import clipped_volume
 from .rooms import Part, box, lamp, quad, rotation, scene, sky
+from .turned_rooms import LATTICE, ROOM, TURN, halfspaces, knowledge
 from .z_tests import FALSE_ALARM
 
 Float64 = NDArray[np.float64]
 Float32 = NDArray[np.float32]
 
-TURN = rotation((1, 2, 3), 0.7)
-LATTICE = Lattice((-1.3, -1.23, -1.3), (1.3, 1.2, 1.25), (5, 6, 4))
 POINTS = 1024
-
-
-def knowledge(of: Scene, front: Sequence[int], back: Sequence[int], world_shines: bool = False) -> LightKnowledge:
-    """Return what a walk would know if each patch of object i had received front[i] and back[i] photons."""
-    bins = SurfaceBins.of(of.geometry, 0.5)
-    counts = bins.empty_counts()
-    patch_object = np.repeat(of.geometry.object, bins.divisions.astype(np.int64) ** 2)
-    counts[:, FRONT], counts[:, BACK] = np.array(front)[patch_object], np.array(back)[patch_object]
-    return LightKnowledge(of.geometry, Tracer(of.geometry), bins, counts, world_shines)
 
 
 def lit(of: LightKnowledge, points: object) -> NDArray[np.bool_]:
@@ -62,21 +48,19 @@ def lit(of: LightKnowledge, points: object) -> NDArray[np.bool_]:
 
 
 def shares(of: LightKnowledge, points: int = POINTS, seed: int = 0, threads: int = 2) -> Float32:
-    return finish(lit_share_steps(of, LATTICE, points, seed, threads))
+    return finish(lit_part_steps(of, LATTICE, points, seed, threads)).share
 
 
 # --- Volumes ----------------------------------------------------------------------------------------------------------
 
 
-def exact_shares(turn: Float64, half: float = 1.0) -> Float64:
+def exact_shares(turn: Float64) -> Float64:
     """Return each dual cell's share inside a turned cube about the origin."""
-    normals = np.concatenate([turn.T, -turn.T])
     h, centres = LATTICE.voxel_size, LATTICE.vertex_positions()
     low = np.maximum(centres - h / 2, LATTICE.bounds_min)
     high = np.minimum(centres + h / 2, LATTICE.bounds_max)
     inside = [
-        clipped_volume(a, b, normals, np.full(6, half))
-        for a, b in zip(low.reshape(-1, 3), high.reshape(-1, 3), strict=True)
+        clipped_volume(a, b, *halfspaces(turn)) for a, b in zip(low.reshape(-1, 3), high.reshape(-1, 3), strict=True)
     ]
     return np.reshape(inside, LATTICE.shape) / LATTICE.cell_volumes()
 
@@ -122,8 +106,6 @@ def test_photons_find_the_same_room() -> None:
 
 
 # --- What light knows -------------------------------------------------------------------------------------------------
-
-ROOM = box((-1, -1, -1), (1, 1, 1), inward=True, turn=TURN)
 
 
 def test_inside_solids_it_is_dark() -> None:
@@ -316,7 +298,7 @@ def test_points_lie_in_their_cells_and_fill_them(cells: list[int], first: int) -
 
 
 def test_a_grid_of_several_batches_tells_its_progress() -> None:
-    steps = lit_share_steps(knowledge(scene([ROOM]), [1000], [0]), LATTICE, 4000, 0, 2)
+    steps = lit_part_steps(knowledge(scene([ROOM]), [1000], [0]), LATTICE, 4000, 0, 2)
     fractions = [progress.fraction for progress in steps]
     assert len(fractions) > 3
     assert fractions == sorted(fractions)

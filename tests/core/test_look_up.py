@@ -18,7 +18,7 @@ from ivg_addon.core.grid import IrradianceVectorGrid
 from ivg_addon.core.reconstruction import coefficients
 from ivg_addon.core.settings import Directional, Spatial
 
-from .grids import LATTICE, UNIFORM, grid
+from .grids import LATTICE, UNIFORM, grid, own_weights
 
 Float64 = NDArray[np.float64]
 
@@ -37,22 +37,28 @@ def random_vectors(seed: int = 0, shape: tuple[int, ...] = LATTICE.shape) -> Flo
     return np.random.default_rng(seed).normal(size=(*shape, 6, 3, 3))
 
 
+WIDE = Lattice(LATTICE.bounds_min, LATTICE.bounds_max, (12, 11, 13))
+
+
 @pytest.mark.parametrize("spatial", Spatial)
 @given(fraction=fractions, normal=normals, directional=directionals, seed=st.integers(0, 10))
 def test_linear_fields_are_exact_between_vertices(
     spatial: Spatial, fraction: Float64, normal: Float64, directional: Directional, seed: int
 ) -> None:
-    """All 54 numbers linear in space; the B-spline reaches one voxel further, and at the bounds its edge repeats."""
+    """All 54 numbers linear in space, as are their means over cells but for those that the bounds halve.
+
+    These spoil three vertices inwards. The B-spline reaches one voxel further, and its second differences one more.
+    """
     rng = np.random.default_rng(seed)
     offset, slope = rng.normal(size=(6, 3, 3)), rng.normal(size=(3, 6, 3, 3))
 
     def field(positions: Float64) -> Float64:
         return np.asarray(offset + np.tensordot(positions, slope, axes=1))
 
-    margin = LATTICE.voxel_size if spatial is Spatial.TRICUBIC else 0.0
+    margin = WIDE.voxel_size * (5.0 if spatial is Spatial.TRICUBIC else 3.0)
     point = (LOW + margin) + fraction * (HIGH - LOW - 2 * margin)
     n = normal / np.linalg.norm(normal)
-    linear = grid(field(LATTICE.vertex_positions()))
+    linear = grid(field(WIDE.vertex_positions()), lattice=WIDE)
     e = linear.irradiance([point], [normal], spatial, directional)[0]
     expected = np.einsum("dj,dcj->c", coefficients(n, directional), field(point))
     largest = np.abs(linear.vectors).max()
@@ -184,7 +190,9 @@ def test_vertices_behind_a_surface_count_less() -> None:
     lattice = Lattice((0, 0, 0), (1, 1, 1), (1, 1, 1))
     vectors = np.where((lattice.vertex_positions()[..., 0] == 0)[..., None, None, None], UNIFORM, 0.0 * UNIFORM)
     ask: Any = ([(0.5, 0.5, 0.5)], [(1.0, 0.0, 0.0)])
-    open_, cut = (grid(vectors, v, lattice).irradiance(*ask, normal_bias=0.0)[0, 0] for v in (1.0, 0.5))
+    open_, cut = (
+        grid(vectors, v, lattice, own_weights(lattice)).irradiance(*ask, normal_bias=0.0)[0, 0] for v in (1.0, 0.5)
+    )
     assert open_ == pytest.approx(math.pi / 2, rel=1e-5)
     before, behind = ((1 + ahead) / 2 + 0.02 for ahead in (0.5, -0.5))
     assert cut == pytest.approx(math.pi * behind / (before + behind), rel=1e-4)
@@ -222,11 +230,16 @@ def test_arrays_of_a_wrong_shape_or_type_make_no_grid() -> None:
     vectors = np.zeros((*LATTICE.shape, 6, 3, 3), dtype=np.float32)
     validity = np.ones(LATTICE.shape, dtype=np.float32)
     record = grid(UNIFORM).record
+    weights = LATTICE.whole_cell_weights()
     with pytest.raises(SettingsError, match=r"grid vectors have shape .* needs \(6, 5, 8, 6, 3, 3\)"):
-        IrradianceVectorGrid(vectors[:-1], validity, LATTICE, record)
-    with pytest.raises(SettingsError, match=r"grid validity has shape .* needs \(6, 5, 8\)"):
-        IrradianceVectorGrid(vectors, validity[..., None], LATTICE, record)
+        IrradianceVectorGrid(vectors[:-1], validity, weights, LATTICE, record)
+    with pytest.raises(SettingsError, match=r"grid validity have shape .* needs \(6, 5, 8\)"):
+        IrradianceVectorGrid(vectors, validity[..., None], weights, LATTICE, record)
+    with pytest.raises(SettingsError, match=r"grid lit_weights have shape .* needs \(6, 5, 8, 3, 3, 3\)"):
+        IrradianceVectorGrid(vectors, validity, weights.reshape(*LATTICE.shape, 27), LATTICE, record)
     with pytest.raises(SettingsError, match="grid vectors: float64 instead of float32"):
-        IrradianceVectorGrid(vectors.astype(np.float64), validity, LATTICE, record)  # type: ignore[arg-type]
+        IrradianceVectorGrid(vectors.astype(np.float64), validity, weights, LATTICE, record)  # type: ignore[arg-type]
     with pytest.raises(SettingsError, match="grid validity: int64 instead of float32"):
-        IrradianceVectorGrid(vectors, validity.astype(np.int64), LATTICE, record)  # type: ignore[arg-type]
+        IrradianceVectorGrid(vectors, validity.astype(np.int64), weights, LATTICE, record)  # type: ignore[arg-type]
+    with pytest.raises(SettingsError, match="grid lit_weights: float32 instead of float16"):
+        IrradianceVectorGrid(vectors, validity, weights.astype(np.float32), LATTICE, record)  # type: ignore[arg-type]

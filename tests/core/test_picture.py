@@ -31,6 +31,7 @@ def grid(vectors: np.ndarray) -> IrradianceVectorGrid:
     return IrradianceVectorGrid(
         vectors=np.broadcast_to(vectors, (*lattice.shape, 6, 3, 3)).astype(np.float32),
         validity=np.ones(lattice.shape, dtype=np.float32),
+        lit_weights=lattice.whole_cell_weights(),
         lattice=lattice,
         record=BakeRecord("Test", "", settings, "2026-01-01T00:00:00+00:00", "", (0.0, 0.0, 0.0)),
     )
