@@ -15,7 +15,7 @@ import bpy
 import numpy as np
 
 from ..core.errors import Cancelled, SceneError
-from ..core.instancing import Flattened, Instance, MeshData, flatten_steps
+from ..core.instancing import Flattened, Instances, MeshData, flatten_steps
 from ..core.lights import Lights
 from ..core.memory import human
 from ..core.progress import Progress
@@ -84,9 +84,10 @@ class _Reading:
     """All that was read from Blender; none of it refers to Blender's data."""
 
     meshes: list[MeshData]
-    instances: list[Instance]
+    instances: list[Instances]
     objects: tuple[str, ...]
     diffuse_visible: tuple[bool, ...]
+    shadow_visible: tuple[bool, ...]
     materials: Materials
     textures: tuple[Texture, ...]
     lights: Lights
@@ -97,7 +98,7 @@ def _read_steps(depsgraph: bpy.types.Depsgraph) -> Steps[_Reading]:
     """Read everything from an evaluated depsgraph, one object instance per step."""
     view_layer = depsgraph.view_layer_eval
     materials = MaterialTable(depsgraph.scene_eval, view_layer.material_override)
-    geometry = GeometryReader(materials)
+    geometry = GeometryReader(materials, depsgraph)
     count = max(1, len(depsgraph.object_instances))
     for index, instance in enumerate(depsgraph.object_instances):
         geometry.add(instance)
@@ -108,6 +109,7 @@ def _read_steps(depsgraph: bpy.types.Depsgraph) -> Steps[_Reading]:
         instances=geometry.instances,
         objects=tuple(geometry.objects),
         diffuse_visible=tuple(geometry.diffuse_visible),
+        shadow_visible=tuple(geometry.shadow_visible),
         materials=materials.materials(),
         textures=materials.textures,
         lights=lights,
@@ -136,6 +138,7 @@ def _build_steps(reading: _Reading, name: str) -> Steps[Scene]:
         lights=reading.lights,
         objects=reading.objects,
         diffuse_visible=np.array(reading.diffuse_visible, dtype=np.bool_),
+        shadow_visible=np.array(reading.shadow_visible, dtype=np.bool_),
         notices=merge((*reading.notices, *_geometry_notices(reading, flattened))),
     )
 

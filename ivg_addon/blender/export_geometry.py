@@ -1,33 +1,78 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Meshes and their instances, out of the evaluated depsgraph.
+"""Surfaces and their instances, out of the evaluated depsgraph.
 
-Blender turns curves, text, surfaces and metaballs into meshes of their own while it evaluates, so
-meshes are all that is read here. Values go in bulk from Blender's arrays into numpy's.
+Blender turns curves, text, surfaces and metaballs into meshes of their own while it evaluates. Hair
+and point clouds are made into triangles here. Values go in bulk from Blender's arrays into numpy's.
 """
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from typing import Any
 
 import bpy
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from ..core.instancing import LIGHT_PASSES, Instance, MeshData
+from ..core.instancing import LIGHT_PASSES, Instances, MeshData
 from ..core.report import Notice, merge
 from ..core.scene import Float32, Int32
+from ..core.spheres import sphere_cloud
+from ..core.strands import Strands, strand_tubes
 from .export_materials import MaterialTable
+from .export_strands import hair_systems, read_curves, read_hair, read_points
 
 _UNREAD = {
-    "VOLUME": "volumes",
-    "POINTCLOUD": "point clouds",
-    "CURVES": "hair curves",
-    "GREASEPENCIL": "Grease Pencil strokes",
-    "GPENCIL": "Grease Pencil strokes",
+    "VOLUME": "volumes are not baked",
+    "GREASEPENCIL": "Grease Pencil strokes are not baked: Cycles does not render them either",
 }
-"""Types of objects that a render may show, and that are not meshes."""
+"""What is said of types of objects that are left out."""
+_EVEN = 0.999
+"""Smallest scale over the largest, from which on scale counts as even."""
+
+
+@dataclass(frozen=True)
+class _Places:
+    """Where a mesh stands: rows that grow, for a scene may have a million."""
+
+    mesh: int
+    materials: tuple[int, ...]
+    uv_map: tuple[str | None, ...]
+    objects: array[int] = field(default_factory=lambda: array("i"))
+    matrices: array[float] = field(default_factory=lambda: array("f"))
+
+    def instances(self) -> Instances:
+        """Return them as arrays."""
+        return Instances(
+            mesh=self.mesh,
+            objects=np.array(self.objects, dtype=np.int32),
+            matrices=np.array(self.matrices, dtype=np.float32).reshape(-1, 4, 4),
+            materials=self.materials,
+            uv_map=self.uv_map,
+        )
+
+
+@dataclass(frozen=True)
+class _Part:
+    """What an object consists of: a mesh that stands in it once, or in each of several places."""
+
+    places: _Places
+    object: int
+    inside: Float32 | None = None
+
+    def add(self, matrix_world: Any) -> None:
+        """Add an instance of the object."""
+        if self.inside is None:
+            self.places.objects.append(self.object)
+            for row in matrix_world:
+                self.places.matrices.extend(row)
+        else:
+            placed = np.array(matrix_world, dtype=np.float64) @ self.inside
+            self.places.objects.extend([self.object] * len(placed))
+            self.places.matrices.frombytes(placed.astype(np.float32).tobytes())
 
 
 class GeometryReader:
@@ -37,17 +82,30 @@ class GeometryReader:
     ----------
     materials
         Where materials are looked up; it tells which UV maps are needed.
+    depsgraph
+        Whose instances are added.
     """
 
-    def __init__(self, materials: MaterialTable) -> None:
+    def __init__(self, materials: MaterialTable, depsgraph: bpy.types.Depsgraph) -> None:
         self.meshes: list[MeshData] = []
-        self.instances: list[Instance] = []
         self.objects: list[str] = []
         self.diffuse_visible: list[bool] = []
+        self.shadow_visible: list[bool] = []
         self._materials = materials
+        self._rendered = depsgraph.mode == "RENDER"
+        self._shows_hair = depsgraph.view_layer_eval.use_strand
+        curves = getattr(depsgraph.scene_eval, "cycles_curves", None)  # absent where Cycles is disabled
+        self._straight_hair = getattr(curves, "shape", "") == "THICK_LINEAR"
         self._notices: list[Notice] = []
-        self._mesh_index: dict[int, int] = {}
-        self._object_index: dict[tuple[str, bool], int] = {}
+        self._parts: dict[tuple[object, ...], list[_Part]] = {}
+        self._places: dict[tuple[object, ...], _Places] = {}
+        self._mesh_index: dict[object, int] = {}
+        self._object_index: dict[tuple[object, ...], int] = {}
+
+    @property
+    def instances(self) -> list[Instances]:
+        """Return where all meshes stand."""
+        return [places.instances() for places in self._places.values()]
 
     @property
     def notices(self) -> tuple[Notice, ...]:
@@ -57,55 +115,155 @@ class GeometryReader:
     def add(self, instance: bpy.types.DepsgraphObjectInstance) -> None:
         """Read one of `Depsgraph.object_instances`."""
         shown = instance.object
-        owner = instance.instance_object if instance.is_instance else shown
-        subject = f"object '{(owner or shown).name}'"
-        if instance.show_particles:
-            self._note_hair(shown, subject)
-        if not instance.show_self:
+        data = shown.data
+        if data is None:
             return
-        if shown.type in _UNREAD:
-            self._notices.append(Notice("left out", subject, f"{_UNREAD[shown.type]} are not baked"))
-        if shown.type != "MESH":
-            return
-        seers = [shown, instance.parent] if instance.is_instance and instance.parent else [shown]
-        if not _visible_at_all(seers):
-            return
-        with _mesh_of(shown) as mesh:
-            if not len(mesh.polygons):
-                return
-            self._note_simplified(owner or shown, seers, subject)
-            self._add_mesh(instance, seers, mesh, subject)
+        parent = instance.parent if instance.is_instance else None
+        # Of many instances that are alike in this, the first tells what all are.
+        key = (
+            shown.original.as_pointer(),
+            data.as_pointer(),
+            parent.as_pointer() if parent else 0,
+            instance.show_self,
+            instance.show_particles,
+        )
+        if key not in self._parts:
+            owner = (instance.instance_object if instance.is_instance else shown) or shown
+            self._parts[key] = self._read(instance, shown, owner, [shown, parent] if parent else [shown])
+        for part in self._parts[key]:
+            part.add(instance.matrix_world)
 
-    def _add_mesh(
+    def _read(
         self,
         instance: bpy.types.DepsgraphObjectInstance,
+        shown: bpy.types.Object,
+        owner: bpy.types.Object,
         seers: list[bpy.types.Object],
-        mesh: bpy.types.Mesh,
-        subject: str,
-    ) -> None:
-        shown = instance.object
-        materials = [self._materials.index(slot.material) for slot in shown.material_slots]
-        materials = materials or [self._materials.index(None)]
-        if all(index == LIGHT_PASSES for index in materials):
-            return
-        uv_map = tuple(self._uv_name(mesh, self._materials.uv_map(index), subject) for index in materials)
+    ) -> list[_Part]:
+        """Return what an object consists of, unless no ray sees it."""
+        subject = f"object '{owner.name}'"
+        if not _visible_at_all(seers):
+            return []
+        parts = []
+        if instance.show_particles and self._shows_hair and shown.type == "MESH":
+            parts += self._particle_hair(shown, seers, subject)
+        if instance.show_self:
+            if shown.type in _UNREAD:
+                self._notices.append(Notice("left out", subject, _UNREAD[shown.type]))
+            elif shown.type == "MESH":
+                parts += self._mesh(shown, seers, subject)
+            elif shown.type == "CURVES" and self._shows_hair:
+                parts += self._curves(shown, seers, subject)
+            elif shown.type == "POINTCLOUD":
+                parts += self._points(shown, seers, subject)
+        if parts:
+            self._note_simplified(owner, seers, subject)
+        return parts
+
+    def _mesh(self, shown: bpy.types.Object, seers: list[bpy.types.Object], subject: str) -> list[_Part]:
+        """Read a mesh."""
+        with _mesh_of(shown) as mesh:
+            materials = self._slot_materials(shown)
+            if not len(mesh.polygons) or all(index == LIGHT_PASSES for index in materials):
+                return []
+            uv_map = tuple(self._uv_name(mesh, self._materials.uv_map(index), subject) for index in materials)
+            pointer = shown.data.as_pointer()
+            if pointer not in self._mesh_index:
+                self._keep(pointer, read_mesh(mesh))
+            index = self._mesh_index[pointer]
+            for name in uv_map:
+                if name is not None and name not in self.meshes[index].uv_maps:
+                    self.meshes[index].uv_maps[name] = read_uv_map(mesh, name)
+        return [_Part(self._places_of(index, materials, uv_map), self._object(subject, seers))]
+
+    def _curves(self, shown: bpy.types.Object, seers: list[bpy.types.Object], subject: str) -> list[_Part]:
+        """Read hair curves: as in Cycles, all of the first material."""
+        material = self._slot_materials(shown)[0]
+        if material == LIGHT_PASSES:
+            return []
         pointer = shown.data.as_pointer()
+        wanted = self._materials.uv_map(material)
         if pointer not in self._mesh_index:
-            self._mesh_index[pointer] = len(self.meshes)
-            self.meshes.append(read_mesh(mesh))
+            strands = read_curves(shown.data, self._straight_hair)
+            self._keep_tubes(pointer, strands, len(strands), subject)
         index = self._mesh_index[pointer]
-        for name in uv_map:
-            if name is not None and name not in self.meshes[index].uv_maps:
-                self.meshes[index].uv_maps[name] = read_uv_map(mesh, name)
-        self.instances.append(
-            Instance(
-                mesh=index,
-                object=self._object(subject, all(seer.visible_diffuse for seer in seers)),
-                matrix=np.array(instance.matrix_world, dtype=np.float64),
-                materials=tuple(materials),
-                uv_map=uv_map,
+        if not len(self.meshes[index].triangle_corners):
+            return []
+        uv_map: str | None = None
+        if wanted is not None:
+            uv_map = wanted or next(iter(self.meshes[index].uv_maps), None)
+        return [_Part(self._places_of(index, (material,), (uv_map,)), self._object(subject, seers))]
+
+    def _particle_hair(self, shown: bpy.types.Object, seers: list[bpy.types.Object], subject: str) -> list[_Part]:
+        """Read the strands of an object's particle systems."""
+        parts = []
+        materials = self._slot_materials(shown)
+        for modifier, system in hair_systems(shown, self._rendered):
+            material = materials[min(max(system.settings.material - 1, 0), len(materials) - 1)]
+            if material == LIGHT_PASSES:
+                continue
+            uv_name = self._uv_name(shown.data, self._materials.uv_map(material), subject)
+            key = (shown.original.as_pointer(), str(system.name), uv_name)
+            if key not in self._mesh_index:
+                names = () if uv_name is None else (uv_name,)
+                strands, count = read_hair(shown, modifier, self._rendered, self._straight_hair, names)
+                self._keep_tubes(key, strands, count, subject)
+            index = self._mesh_index[key]
+            if len(self.meshes[index].triangle_corners):
+                parts.append(_Part(self._places_of(index, (material,), (uv_name,)), self._object(subject, seers)))
+        return parts
+
+    def _points(self, shown: bpy.types.Object, seers: list[bpy.types.Object], subject: str) -> list[_Part]:
+        """Read a point cloud: as in Cycles, all of the first material and without texture coordinates."""
+        material = self._slot_materials(shown)[0]
+        if material == LIGHT_PASSES:
+            return []
+        cloud = sphere_cloud(*read_points(shown.data))
+        if cloud.thinned:
+            self._note_thinned(subject, "points", len(cloud.matrices), cloud.points)
+        if not cloud.points:
+            return []
+        scale = np.linalg.svd(np.array(shown.matrix_world, dtype=np.float64)[:3, :3], compute_uv=False)
+        if scale[-1] < _EVEN * scale[0]:
+            self._notices.append(
+                Notice("simplified", subject, "points of uneven scale shaded as ellipsoids, by Cycles as spheres")
+            )
+        key = ("sphere", len(cloud.mesh.triangle_corners))
+        if key not in self._mesh_index:
+            self._keep(key, cloud.mesh)
+        places = self._places_of(self._mesh_index[key], (material,), (None,))
+        return [_Part(places, self._object(subject, seers), cloud.matrices)]
+
+    def _slot_materials(self, shown: bpy.types.Object) -> tuple[int, ...]:
+        """Return the materials of an object's slots, at least one."""
+        materials = tuple(self._materials.index(slot.material) for slot in shown.material_slots)
+        return materials or (self._materials.index(None),)
+
+    def _keep(self, key: object, mesh: MeshData) -> None:
+        self._mesh_index[key] = len(self.meshes)
+        self.meshes.append(mesh)
+
+    def _keep_tubes(self, key: object, strands: Strands, count: int, subject: str) -> None:
+        """Make tubes of some or all of `count` strands."""
+        tubes = strand_tubes(strands)
+        self._keep(key, tubes.mesh)
+        if tubes.thinned or len(strands) < count:
+            self._note_thinned(subject, "hairs", tubes.shown, count)
+
+    def _note_thinned(self, subject: str, what: str, shown: int, count: int) -> None:
+        self._notices.append(
+            Notice(
+                "simplified",
+                subject,
+                f"{shown:,} of {count:,} {what} taken and made larger to cover as much: more need too much memory",
             )
         )
+
+    def _places_of(self, mesh: int, materials: tuple[int, ...], uv_map: tuple[str | None, ...]) -> _Places:
+        key = (mesh, materials, uv_map)
+        if key not in self._places:
+            self._places[key] = _Places(mesh, materials, uv_map)
+        return self._places[key]
 
     def _uv_name(self, mesh: bpy.types.Mesh, wanted: str | None, subject: str) -> str | None:
         """Return the name of the UV map that is meant by a material's wish, None without."""
@@ -121,25 +279,18 @@ class GeometryReader:
         self._notices.append(Notice("warning", subject, f"has no {name}: its texture's corner texel is taken"))
         return None
 
-    def _object(self, subject: str, diffuse_visible: bool) -> int:
-        key = (subject, diffuse_visible)
+    def _object(self, subject: str, seers: list[bpy.types.Object]) -> int:
+        diffuse = all(seer.visible_diffuse for seer in seers)
+        shadow = all(seer.visible_shadow for seer in seers)
+        key = (subject, diffuse, shadow)
         if key not in self._object_index:
             self._object_index[key] = len(self.objects)
             self.objects.append(subject.removeprefix("object '").removesuffix("'"))
-            self.diffuse_visible.append(diffuse_visible)
+            self.diffuse_visible.append(diffuse)
+            self.shadow_visible.append(shadow)
         return self._object_index[key]
 
-    def _note_hair(self, shown: bpy.types.Object, subject: str) -> None:
-        for system in shown.particle_systems:
-            settings = system.settings
-            if settings.type == "HAIR" and settings.render_type == "PATH":
-                self._notices.append(Notice("left out", subject, f"hair '{system.name}' is not baked"))
-
     def _note_simplified(self, owner: bpy.types.Object, seers: list[bpy.types.Object], subject: str) -> None:
-        if not all(seer.visible_shadow for seer in seers):
-            self._notices.append(Notice("simplified", subject, "casts shadows although its shadow rays are off"))
-        if any(seer.is_shadow_catcher for seer in seers):
-            self._notices.append(Notice("simplified", subject, "shadow catcher taken as an ordinary surface"))
         for modifier in owner.modifiers:
             if modifier.type == "SUBSURF" and modifier.use_adaptive_subdivision and modifier.show_render:
                 levels = modifier.render_levels

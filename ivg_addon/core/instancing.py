@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import MemoryLimitError
-from .geometry_checks import sound_triangles, triangle_normals
+from .geometry_checks import sound_triangles
 from .memory import require
+from .placing import measure_areas, place_normals
 from .progress import Progress
 from .scene import Float32, Geometry, Int32
 
@@ -27,6 +28,7 @@ SLICE = 1 << 17
 
 _BYTES_PER_TRIANGLE = 12 + 36 + 24 + 4 + 4
 _BYTES_PER_VERTEX = 12
+_NO_NORMALS = np.zeros((0, 3), dtype=np.float32)
 
 
 @dataclass(frozen=True)
@@ -57,16 +59,16 @@ class MeshData:
 
 
 @dataclass(frozen=True)
-class Instance:
-    """A mesh that stands somewhere.
+class Instances:
+    """A mesh that stands in k places, with the same materials in all.
 
     Parameters
     ----------
     mesh
         Index into the meshes.
-    object
-        Index into `scene.Scene.objects`.
-    matrix : (4, 4) float64
+    objects : (k,) int32
+        Indices into `scene.Scene.objects`.
+    matrices : (k, 4, 4) float32 or float64
         From the mesh's space to world space.
     materials
         For each slot, an index into `scene.Materials`, or `LIGHT_PASSES`.
@@ -75,8 +77,8 @@ class Instance:
     """
 
     mesh: int
-    object: int
-    matrix: Float64
+    objects: Int32
+    matrices: Float32 | Float64
     materials: tuple[int, ...]
     uv_map: tuple[str | None, ...]
 
@@ -139,7 +141,7 @@ class _Store:
         )
 
 
-def flatten_steps(meshes: list[MeshData], instances: list[Instance]) -> Generator[Progress, None, Flattened]:
+def flatten_steps(meshes: list[MeshData], instances: list[Instances]) -> Generator[Progress, None, Flattened]:
     """Write out all instances' triangles, in world space.
 
     An instance with a mirroring transform has its winding turned, so that the front of the mesh
@@ -150,8 +152,8 @@ def flatten_steps(meshes: list[MeshData], instances: list[Instance]) -> Generato
     MemoryLimitError
         When the result does not fit.
     """
-    triangles = sum(len(meshes[instance.mesh].triangle_corners) for instance in instances)
-    store = _Store(sum(len(meshes[instance.mesh].positions) for instance in instances), triangles)
+    triangles = sum(len(group.objects) * len(meshes[group.mesh].triangle_corners) for group in instances)
+    store = _Store(sum(len(group.objects) * len(meshes[group.mesh].positions) for group in instances), triangles)
     dropped: dict[int, int] = {}
     done = 0
     for batch in _batches(meshes, instances):
@@ -163,7 +165,7 @@ def flatten_steps(meshes: list[MeshData], instances: list[Instance]) -> Generato
                 dropped[name] = dropped.get(name, 0) + int(lost[index])
             done += len(batch.objects) * (part.stop - part.start)
             yield Progress("Placing geometry", done / triangles)
-    used = {instance.mesh for instance in instances}
+    used = {group.mesh for group in instances}
     return Flattened(store.geometry(), dropped, sum(len(meshes[i].triangle_corners) for i in used))
 
 
@@ -178,21 +180,17 @@ class _Batch:
     uv_map: tuple[str | None, ...]
 
 
-def _batches(meshes: list[MeshData], instances: list[Instance]) -> Iterator[_Batch]:
-    groups: dict[tuple[object, ...], list[Instance]] = {}
-    for instance in instances:
-        groups.setdefault((instance.mesh, instance.materials, instance.uv_map), []).append(instance)
-    for group in groups.values():
-        mesh = meshes[group[0].mesh]
+def _batches(meshes: list[MeshData], instances: list[Instances]) -> Iterator[_Batch]:
+    for group in instances:
+        mesh = meshes[group.mesh]
         size = max(1, SLICE // max(len(mesh.triangle_corners), len(mesh.positions), 1))
-        for start in range(0, len(group), size):
-            members = group[start : start + size]
+        for start in range(0, len(group.objects), size):
             yield _Batch(
                 mesh=mesh,
-                matrices=np.stack([instance.matrix for instance in members]),
-                objects=np.array([instance.object for instance in members], dtype=np.int32),
-                materials=np.array(members[0].materials, dtype=np.int32),
-                uv_map=members[0].uv_map,
+                matrices=group.matrices[start : start + size].astype(np.float64),
+                objects=group.objects[start : start + size],
+                materials=np.array(group.materials, dtype=np.int32),
+                uv_map=group.uv_map,
             )
 
 
@@ -222,25 +220,36 @@ def _place_triangles(batch: _Batch, part: slice, first_vertex: int, store: _Stor
     mesh, k = batch.mesh, len(batch.matrices)
     corners = mesh.triangle_corners[part]
     mirrored = _mirrors(batch.matrices[:, :3, :3])
-    corners = np.where(mirrored[:, None, None], corners[:, [0, 2, 1]], corners)
+    corners = np.where(mirrored[:, None, None], corners[:, [0, 2, 1]], corners).reshape(-1, 3)
+    per_instance = part.stop - part.start
     firsts = first_vertex + len(mesh.positions) * np.arange(k, dtype=np.int32)
-    triangles = (mesh.corner_vertex[corners] + firsts[:, None, None]).reshape(-1, 3)
-    normals, areas = triangle_normals(store.vertices, triangles)
+    triangles = mesh.corner_vertex[corners] + np.repeat(firsts, per_instance)[:, None]
+    areas = np.empty(len(triangles))
+    measure_areas(store.vertices, triangles, areas)
     sound = sound_triangles(areas)
 
-    slot = np.zeros(corners.shape[1], dtype=np.int32) if mesh.slot is None else mesh.slot[part]
+    slot = np.zeros(per_instance, dtype=np.int32) if mesh.slot is None else mesh.slot[part]
     slot = np.tile(np.clip(slot, 0, len(batch.materials) - 1), k)
     material = batch.materials[slot]
-    keep = sound & (material != LIGHT_PASSES)
-    chosen: slice | NDArray[np.bool_] = slice(None) if keep.all() else keep
+    kept = np.flatnonzero(sound & (material != LIGHT_PASSES))
+    chosen: slice | NDArray[np.int64] = slice(None) if len(kept) == len(triangles) else kept
 
-    into = slice(store.count, store.count + int(np.count_nonzero(keep)))
+    into = slice(store.count, store.count + len(kept))
     store.count = into.stop
     store.triangles[into] = triangles[chosen]
     store.material[into] = material[chosen]
-    store.object[into] = np.repeat(batch.objects, corners.shape[1])[chosen]
-    store.corner_normals[into] = _shading_normals(batch, corners, normals)[chosen]
-    _place_uvs(batch, corners.reshape(-1, 3)[chosen], slot[chosen], store.uvs[into])
+    store.object[into] = np.repeat(batch.objects, per_instance)[chosen]
+    place_normals(
+        store.vertices,
+        store.triangles[into],
+        corners,
+        kept,
+        _NO_NORMALS if mesh.corner_normals is None else mesh.corner_normals,
+        _cofactors(batch.matrices[:, :3, :3]),
+        per_instance,
+        store.corner_normals[into],
+    )
+    _place_uvs(batch, corners[chosen], slot[chosen], store.uvs[into])
     return np.asarray(np.count_nonzero(~sound.reshape(k, -1), axis=1), dtype=np.int32)
 
 
@@ -253,27 +262,6 @@ def _place_uvs(batch: _Batch, corners: Int32, slot: Int32, uvs: Float32) -> None
             uvs[here] = coordinates[corners[here]]
 
 
-def _shading_normals(batch: _Batch, corners: Int32, geometric: Float64) -> Float32:
-    """Return the unit shading normals (n, 3, 3) in world space of the triangles with `corners` (k, p, 3).
-
-    A normal is transformed by the matrix of cofactors: det(M) M⁻ᵀ, which exists for flattening
-    transforms too; the sign of det(M) is undone, as the winding is.
-    """
-    mesh = batch.mesh
-    repeated = np.broadcast_to(geometric[:, None, :], (len(geometric), 3, 3))
-    if mesh.corner_normals is None:
-        return repeated.astype(np.float32)
-    k, p = corners.shape[:2]
-    transforms = _cofactors(batch.matrices[:, :3, :3])
-    with np.errstate(invalid="ignore", over="ignore"):
-        smooth = mesh.corner_normals[corners].astype(np.float64).reshape(k, -1, 3)
-        smooth = (smooth @ transforms.transpose(0, 2, 1)).reshape(k * p, 3, 3)
-        length = np.sqrt(np.einsum("ijk,ijk->ij", smooth, smooth))
-        usable = np.isfinite(length) & (length > 0.0)
-        smooth /= np.where(usable, length, 1.0)[:, :, None]
-    return np.where(usable[:, :, None], smooth, repeated).astype(np.float32)
-
-
 def _mirrors(linear: Float64) -> NDArray[np.bool_]:
     """Tell of matrices (k, 3, 3) whether their determinants are negative."""
     x, y, z = np.moveaxis(linear, 1, 0)
@@ -281,7 +269,11 @@ def _mirrors(linear: Float64) -> NDArray[np.bool_]:
 
 
 def _cofactors(linear: Float64) -> Float64:
-    """Return the cofactors of matrices (k, 3, 3), scaled to about one, their sign that of a rotation."""
+    """Return the cofactors of matrices (k, 3, 3), scaled to about one, their sign that of a rotation.
+
+    They transform normals: det(M) M⁻ᵀ, which exists for flattening transforms too; the sign of det(M) is undone, as the
+    winding is.
+    """
     scale = np.abs(linear).max(axis=(1, 2), keepdims=True)
     linear = linear / np.where(scale > 0.0, scale, 1.0)
     x, y, z = np.moveaxis(linear, 1, 0)

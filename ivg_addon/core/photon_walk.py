@@ -26,6 +26,7 @@ from .progress import Progress
 from .scattering import ABSORBED, CUT, ENERGY_STEPS, ESCAPED, scatter
 from .scene import Int32
 from .settings import BakeSettings
+from .shadowless import choose_lit
 from .surface_bins import SurfaceBins
 from .surfaces import Surfaces
 from .tally import Tally
@@ -74,9 +75,11 @@ class Course:
         Where photons come from.
     first, later
         What blocks a photon before and after its first bounce. Objects that diffuse rays do not
-        see cast shadows all the same, so the two can differ.
+        see cast shadows all the same, and others cast none, so the two can differ.
     surfaces, bins
         What photons scatter at, and where they are counted.
+    passed
+        What casts no shadow and is lit all the same; None where there is nothing of it.
     """
 
     emission: Emission
@@ -84,6 +87,7 @@ class Course:
     later: Tracer
     surfaces: Surfaces
     bins: SurfaceBins
+    passed: Tracer | None = None
 
 
 class _Worker:
@@ -135,6 +139,9 @@ class _Worker:
             leave_darkness(origins, directions, self.dark[:n], hits.triangle, hits.distance)
         if bounce > 0 or self.settings.include_direct:
             self.tally.deposit(origins, directions, weights, hits.distance)
+        if bounce == 0 and self.course.passed is not None:
+            lit = choose_lit(self.course.passed, self.settings.seed, self.photons[:n], origins, directions, hits)
+            weights *= lit[:, None]
         return int(
             scatter(
                 self.photons[:n],

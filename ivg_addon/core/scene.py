@@ -185,6 +185,9 @@ class Scene:
         The Blender scene's name.
     diffuse_visible : (objects,) bool
         False for an object that diffuse rays do not see: it casts shadows but reflects nothing.
+    shadow_visible : (objects,) bool, optional
+        False for an object that light passes straight from the lights, lighting it on its way; all True where this is
+        not given.
     lights
         Every emitter: light datablocks, emissive triangles and the world.
     notices
@@ -199,3 +202,4 @@ class Scene:
     objects: tuple[str, ...]
     diffuse_visible: NDArray[np.bool_]
     notices: tuple[Notice, ...] = field(default=())
+    shadow_visible: NDArray[np.bool_] | None = None

@@ -182,15 +182,15 @@ def test_what_becomes_a_mesh(scene: bpy.types.Scene, kind: str) -> None:
 def test_what_is_left_out_is_named(scene: bpy.types.Scene) -> None:
     add_object("Cube", cube_mesh())
     add_object("Fog", bpy.data.volumes.new("Fog"))
-    bpy.ops.object.pointcloud_random_add()
-    add_object("Fur", bpy.data.hair_curves.new("Fur"))
+    add_object("Drawing", bpy.data.grease_pencils.new("Drawing"))
     for silent in ("EMPTY", "LATTICE"):
         add_object(silent, None if silent == "EMPTY" else bpy.data.lattices.new("Lattice"))
     exported = viewport_scene()
     assert notices_of(exported, "Fog") == ["left out: volumes are not baked"]
-    assert notices_of(exported, "PointCloud") == ["left out: point clouds are not baked"]
-    assert notices_of(exported, "Fur") == ["left out: hair curves are not baked"]
-    assert sum(notice.subject.startswith("object") for notice in exported.notices) == 3
+    assert notices_of(exported, "Drawing") == [
+        "left out: Grease Pencil strokes are not baked: Cycles does not render them either"
+    ]
+    assert sum(notice.subject.startswith("object") for notice in exported.notices) == 2
 
 
 def test_ray_visibility(scene: bpy.types.Scene) -> None:
@@ -200,17 +200,13 @@ def test_ray_visibility(scene: bpy.types.Scene) -> None:
     rays = ("camera", "diffuse", "glossy", "transmission", "volume_scatter", "shadow")
     add_object("Gone", cube_mesh(), **{f"visible_{ray}": False for ray in rays})
     exported = viewport_scene()
-    assert dict(zip(exported.objects, exported.diffuse_visible, strict=True)) == {
-        "Plain": True,
-        "Unseen": False,
-        "Shadowless": True,
+    visible = zip(exported.diffuse_visible, exported.shadow_visible, strict=True)
+    assert dict(zip(exported.objects, visible, strict=True)) == {
+        "Plain": (True, True),
+        "Unseen": (False, True),
+        "Shadowless": (True, False),
     }
-    assert notices_of(exported, "Shadowless") == ["simplified: casts shadows although its shadow rays are off"]
-
-
-def test_shadow_catcher_is_named(scene: bpy.types.Scene) -> None:
-    add_object("Floor", cube_mesh(), is_shadow_catcher=True)
-    assert notices_of(viewport_scene(), "Floor") == ["simplified: shadow catcher taken as an ordinary surface"]
+    assert not [notice for notice in exported.notices if notice.subject.startswith("object")]
 
 
 def centres(exported: Scene) -> np.ndarray:
@@ -294,24 +290,6 @@ def test_particle_instances(scene: bpy.types.Scene) -> None:
     exported = viewport_scene()
     leaf = exported.objects.index("Leaf")
     assert np.count_nonzero(exported.geometry.object == leaf) == (7 + 1) * 12
-
-
-def test_hair_strands_are_left_out_by_name(scene: bpy.types.Scene) -> None:
-    host = ball("Host")
-    host.modifiers.new("Fur", "PARTICLE_SYSTEM")
-    host.particle_systems[0].settings.type = "HAIR"
-    assert notices_of(viewport_scene(), "Host") == ["left out: hair 'Fur' is not baked"]
-
-
-def test_hair_of_a_hidden_instancer_is_named_all_the_same(scene: bpy.types.Scene) -> None:
-    add_object("Floor", cube_mesh())
-    host = ball("Host")
-    host.modifiers.new("Fur", "PARTICLE_SYSTEM")
-    host.particle_systems[0].settings.type = "HAIR"
-    host.show_instancer_for_viewport = False
-    exported = viewport_scene()
-    assert exported.objects == ("Floor",)
-    assert notices_of(exported, "Host") == ["left out: hair 'Fur' is not baked"]
 
 
 def test_bad_triangles_are_counted(scene: bpy.types.Scene) -> None:

@@ -12,14 +12,14 @@ from hypothesis import strategies as st
 
 from ivg_addon.core import instancing
 from ivg_addon.core.errors import MemoryLimitError
-from ivg_addon.core.instancing import LIGHT_PASSES, Flattened, Instance, MeshData, flatten_steps
+from ivg_addon.core.instancing import LIGHT_PASSES, Flattened, Instances, MeshData, flatten_steps
 from ivg_addon.core.scene import Geometry
 
 numbers = st.floats(-3, 3)
 scales = st.floats(0.2, 3).map(lambda x: round(x, 3)) | st.floats(-3, -0.2).map(lambda x: round(x, 3))
 
 
-def run(meshes: list[MeshData], instances: list[Instance]) -> Flattened:
+def run(meshes: list[MeshData], instances: list[Instances]) -> Flattened:
     steps = flatten_steps(meshes, instances)
     fractions = []
     try:
@@ -47,9 +47,10 @@ def tetrahedron(smooth: bool = True) -> MeshData:
     )
 
 
-def instance(matrix: np.ndarray, **changes: object) -> Instance:
-    values: dict[str, object] = {"mesh": 0, "object": 0, "matrix": matrix, "materials": (0,), "uv_map": ("UV",)}
-    return Instance(**{**values, **changes})  # type: ignore[arg-type]
+def instance(matrix: np.ndarray, **changes: object) -> Instances:
+    values: dict[str, object] = {"mesh": 0, "object": 0, "materials": (0,), "uv_map": ("UV",), **changes}
+    objects = np.array([values.pop("object")], dtype=np.int32)
+    return Instances(objects=objects, matrices=matrix[None], **values)  # type: ignore[arg-type]
 
 
 def affine(linear: np.ndarray, origin: np.ndarray) -> np.ndarray:
@@ -173,7 +174,7 @@ def test_slices_and_batches_make_no_difference(monkeypatch: pytest.MonkeyPatch, 
     assert geometry.triangle_count == 48
     for one in instances:
         alone = run(meshes, [one]).geometry
-        here = geometry.object == one.object
+        here = geometry.object == one.objects[0]
         for name in ("corner_normals", "uvs", "material"):
             np.testing.assert_array_equal(getattr(geometry, name)[here], getattr(alone, name))
         np.testing.assert_array_equal(geometry.vertices[geometry.triangles[here]], alone.vertices[alone.triangles])
