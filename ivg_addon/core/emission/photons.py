@@ -11,22 +11,22 @@ from numpy.typing import NDArray
 from ..compiled import kernel, merged
 from ..embree import MISS
 from ..random import STREAM_EMISSION, random4
-from ..scene import Float32
+from ..scene import NO_TEXTURE, Float32
 from .area import AreaEmitters, emit_area
 from .distant import Box, SunEmitters, emit_sun, emit_world
 from .points import PointEmitters, emit_point
-from .triangles import TriangleEmitters, emit_triangle
+from .triangles import TriangleEmitters, emit_triangle, texture_of_emission
 
 _OUTWARDS = 1.0 / math.sqrt(3.0)
 
 
 class Emitters(NamedTuple):
-    """All emitters in a row: areas, points, suns, the world, emissive triangles.
+    """All emitters in a row: areas, points, suns, the world, pieces of emissive triangles.
 
     cumulative : (emitters,) float64
         Σ s up to and with each emitter.
     weight : (emitters before the triangles, 3) float32
-        Power of each light over its largest channel. Triangles have theirs by material.
+        Power of each light over its largest channel. Triangles have theirs by material and texture.
     """
 
     cumulative: NDArray[np.float64]
@@ -45,13 +45,16 @@ def emit_photons(seed, first_photon, emitters, origins, directions, weights, dar
     first_sun = first_point + len(emitters.points.radius)
     world = first_sun + len(emitters.suns.direction)
     center, edge_u, edge_v, direction, elliptic, slat_range = emitters.areas
+    vertices, triangles, uvs, pieces, emission, texture, pool = emitters.triangles
+    of_triangle, sides, of_material, divisions, index, bound = pieces
+    weight = emitters.weight
     for i in range(len(origins)):
         photon = first_photon + i
         coarse, fine, xi_0, xi_1 = random4(seed, photon, STREAM_EMISSION)
         emitter = _pick(emitters.cumulative, coarse, fine)
         distance = 0.0
         exists = True
-        row = emitter
+        red = green = blue = 0.0
         if first_point <= emitter < first_sun:
             light = emitter - first_point
             ox, oy, oz, dx, dy, dz, distance, exists = emit_point(emitters.points, light, seed, photon, xi_0, xi_1)
@@ -69,9 +72,18 @@ def emit_photons(seed, first_photon, emitters, origins, directions, weights, dar
             elif emitter == world:
                 ox, oy, oz, dx, dy, dz = emit_world(emitters.box, xi_0, xi_1, xi_2, xi_3, xi_4)
             else:
-                triangle = emitters.triangles.emissive[emitter - world - 1]
-                row = emitters.triangles.material[triangle]
-                ox, oy, oz, dx, dy, dz = emit_triangle(emitters.triangles, triangle, xi_0, xi_1, xi_2, xi_3, xi_4)
+                piece = emitter - world - 1
+                ox, oy, oz, dx, dy, dz, u, v = emit_triangle(
+                    vertices, triangles, of_triangle, sides, divisions, index, piece, xi_0, xi_1, xi_2, xi_3, xi_4
+                )
+                material = of_material[piece]
+                share = 1.0 / bound[piece]
+                red, green, blue = emission[material, 0], emission[material, 1], emission[material, 2]
+                if texture[material] != NO_TEXTURE:
+                    r, g, b = texture_of_emission(uvs, pool, texture[material], of_triangle[piece], u, v)
+                    red, green, blue = red * r, green * g, blue * b
+                # At most 1 but for rounding.
+                red, green, blue = min(1.0, share * red), min(1.0, share * green), min(1.0, share * blue)
         if not exists:
             # Out of sight: from the box's far corner away from everything.
             ox, oy, oz = emitters.box.high[0], emitters.box.high[1], emitters.box.high[2]
@@ -80,13 +92,9 @@ def emit_photons(seed, first_photon, emitters, origins, directions, weights, dar
         dark[i] = distance
         _store(origins, i, ox, oy, oz)
         _store(directions, i, dx, dy, dz)
-        for channel in range(3):
-            if not exists:
-                weights[i, channel] = 0.0
-            elif emitter > world:
-                weights[i, channel] = emitters.triangles.weight[row, channel]
-            else:
-                weights[i, channel] = emitters.weight[row, channel]
+        if exists and emitter <= world:
+            red, green, blue = weight[emitter, 0], weight[emitter, 1], weight[emitter, 2]
+        _store(weights, i, red, green, blue)
 
 
 @kernel

@@ -3,7 +3,9 @@
 A photon picks the emitter e with probability s_e / Σ s, s_e the largest channel of its power, and
 carries the flux w_e Σ s / N of N photons, w_e = power / s_e: the largest channel of its weight
 is 1, whatever the emitter. What emits in a way that has no closed form is sampled with failures
-whose chance is known: s_e is the larger by that, and a photon that failed has weight 0.
+whose chance is known: s_e is the larger by that, and a photon that failed has weight 0. Textured
+triangles have no power in closed form either: their s_e is that of a bound, of which photons carry
+the share that the texture has where they start.
 """
 
 from __future__ import annotations
@@ -20,7 +22,7 @@ from .area import AreaEmitters, area_powers
 from .distant import Box, SunEmitters, mean_shadows, sun_fluxes
 from .photons import Emitters, emit_photons
 from .points import ATTEMPTS, PointEmitters, acceptance, point_powers
-from .triangles import TriangleEmitters, triangle_powers
+from .triangles import TriangleEmitters, triangle_strengths
 
 Float64 = NDArray[np.float64]
 
@@ -112,10 +114,9 @@ def prepare_emission(scene: Scene, bounds_min: ArrayLike, bounds_max: ArrayLike)
         sun_flux * suns.largest_shadow[:, None],
     ]
     _check_powers(lights, np.concatenate(powers), world)
-    mesh = triangle_powers(triangles, scene.materials.emission)
+    mesh_strengths, mesh_power = triangle_strengths(triangles)
 
-    strengths = np.concatenate([*sampled, world[None], mesh]).max(axis=1)
-    cumulative = np.cumsum(strengths)
+    cumulative = np.cumsum(np.concatenate([*(s.max(axis=1) for s in sampled), [world.max()], mesh_strengths]))
     if not cumulative[-1] > 0.0:
         raise SceneError(
             f"scene '{scene.name}' has no light: add a light, a material that emits, or a world colour other than black"
@@ -123,7 +124,7 @@ def prepare_emission(scene: Scene, bounds_min: ArrayLike, bounds_max: ArrayLike)
     light_powers = np.concatenate([*powers, world[None]])
     largest = light_powers.max(axis=1, keepdims=True)
     return Emission(
-        power=light_powers.sum(axis=0) + mesh.sum(axis=0),
+        power=light_powers.sum(axis=0) + mesh_power,
         flux_scale=float(cumulative[-1]),
         emitters=Emitters(
             cumulative=cumulative,
