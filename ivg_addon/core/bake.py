@@ -23,6 +23,7 @@ from .memory import require
 from .photon_walk import Course, Walk, thread_count, walk_steps
 from .progress import Progress, Result, finish
 from .report import Notice, merge
+from .restricted_light import RestrictedLight
 from .scene import Float32, Scene
 from .settings import BakeSettings, Estimator, Vec3
 from .surface_bins import PATCHES_PER_VOXEL, PHOTONS_PER_PATCH, SurfaceBins
@@ -177,7 +178,7 @@ def prepare_course(scene: Scene, lattice: Lattice, photons: int) -> Course:
     first = Tracer(scene.geometry)
     seen = scene.diffuse_visible[scene.geometry.object]
     later = first if seen.all() else Tracer(scene.geometry, keep=seen)
-    return Course(emission, first, later, Surfaces.of(scene, bins), bins)
+    return Course(emission, first, later, Surfaces.of(scene, bins), bins, RestrictedLight.of(scene, emission))
 
 
 def _light_knowledge(scene: Scene, course: Course, walk: Walk) -> LightKnowledge:

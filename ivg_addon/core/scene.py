@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .light_rules import LightRules
 from .lights import Lights
 from .report import Notice
 
@@ -189,6 +190,8 @@ class Scene:
         Every emitter: light datablocks, emissive triangles and the world.
     notices
         What the export simplified or left out.
+    light_rules
+        What lights may not light; None where all light everything.
     """
 
     name: str
@@ -199,3 +202,4 @@ class Scene:
     objects: tuple[str, ...]
     diffuse_visible: NDArray[np.bool_]
     notices: tuple[Notice, ...] = field(default=())
+    light_rules: LightRules | None = None

@@ -51,7 +51,7 @@ def emit_photons(seed, first_photon, emitters, origins, directions, weights, dar
     for i in range(len(origins)):
         photon = first_photon + i
         coarse, fine, xi_0, xi_1 = random4(seed, photon, STREAM_EMISSION)
-        emitter = _pick(emitters.cumulative, coarse, fine)
+        emitter = pick(emitters.cumulative, coarse, fine)
         distance = 0.0
         exists = True
         red = green = blue = 0.0
@@ -127,7 +127,7 @@ def leave_darkness(origins, directions, dark, triangle, distance):
 
 
 @merged
-def _pick(cumulative, coarse, fine):
+def pick(cumulative, coarse, fine):
     """Return the emitter that a random number falls on.
 
     A table may have millions of triangles, more than 32 random bits can tell apart: `fine` adds
