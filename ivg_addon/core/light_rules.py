@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a light may do: which objects it lights, which of them shade, and after how many bounces it ends.
+"""What a light may do: which objects it lights, and which of them stop it.
 
 Lights with the same receivers and blockers form a group; group 0 is that of lights without any restriction. What a
 group may do with an object is one bit, so that thousands of lights and objects cost little.
@@ -17,34 +17,23 @@ UInt64 = NDArray[np.uint64]
 
 MOST_GROUPS = 64
 """Groups that fit in a mask; Cycles has as many."""
-NO_LIMIT = 1 << 20
-"""Bounces of light without a limit."""
 
 
 @dataclass(frozen=True)
 class LightRules:
-    """The restrictions of a scene's lights.
+    """The restrictions of groups of lights; `Lights.group` tells which group a light belongs to.
 
     Parameters
     ----------
-    light_group : (lights,) int32
-        Group of each of `Lights.names`.
     object_group : (objects,) int32
         Group of each object's emission.
     receives, blocks : (objects,) uint64
         Bit g tells whether lights of group g light the object, and whether it stops their light.
     lights_others : (groups,) bool
         Whether a group lights an object that no collection of it names: what a grid is looked up for.
-    max_bounces : (lights,) int32
-        Most surfaces that the photons of each light meet and are then still counted.
-    world_max_bounces
-        That of the world.
     """
 
-    light_group: Int32
     object_group: Int32
     receives: UInt64
     blocks: UInt64
     lights_others: NDArray[np.bool_] = field(default_factory=lambda: np.ones(1, dtype=np.bool_))
-    max_bounces: Int32 = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
-    world_max_bounces: int = NO_LIMIT

@@ -16,6 +16,12 @@ Float32 = NDArray[np.float32]
 Bool = NDArray[np.bool_]
 
 
+Int32 = NDArray[np.int32]
+
+NO_LIMIT = 1 << 20
+"""Bounces of light that never ends."""
+
+
 def _rows(*shape: int) -> Float32:
     return np.zeros(shape, dtype=np.float32)
 
@@ -117,12 +123,21 @@ class Lights:
     ----------
     world : (3,) float32
         Radiance of the surroundings, the same from every direction, W/(m² sr).
+    group : (lights,) int32, optional
+        Which of the groups of `light_rules.LightRules` each of `names` belongs to; without it all are free.
+    max_bounces : (lights,) int32, optional
+        Most surfaces that each light's photons meet and then still count; without it there is no limit.
+    world_max_bounces
+        That of the world.
     """
 
     world: Float32
     area: AreaLights = field(default_factory=AreaLights)
     point: PointLights = field(default_factory=PointLights)
     sun: SunLights = field(default_factory=SunLights)
+    group: Int32 | None = None
+    max_bounces: Int32 | None = None
+    world_max_bounces: int = NO_LIMIT
 
     @classmethod
     def none(cls) -> Lights:

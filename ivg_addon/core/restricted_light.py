@@ -20,7 +20,8 @@ from .compiled import kernel
 from .embree import MISS, Hits, Tracer
 from .emission import Emission
 from .emission.photons import pick
-from .light_rules import NO_LIMIT, LightRules
+from .light_rules import LightRules
+from .lights import NO_LIMIT
 from .random import STREAM_EMISSION, random4
 from .scattering import CUT, ENERGY_STEPS
 from .scene import Float32, Int32, Scene
@@ -47,7 +48,7 @@ class RestrictedLight:
         From `scene.Geometry`.
     """
 
-    rules: LightRules
+    rules: LightRules | None
     cumulative: NDArray[np.float64]
     group: Int32
     limit: Int32
@@ -56,20 +57,26 @@ class RestrictedLight:
     @classmethod
     def of(cls, scene: Scene, emission: Emission) -> RestrictedLight | None:
         """Return what applies the scene's rules; None where no light has any."""
-        rules = scene.light_rules
-        if rules is None:
-            return None
-        shining = scene.geometry.object[emission.emitters.triangles.pieces.triangle]
-        group = np.concatenate([rules.light_group, [0], rules.object_group[shining]])
-        unlimited = np.full(len(shining), NO_LIMIT)
-        limit = np.concatenate([rules.max_bounces, [rules.world_max_bounces], unlimited])
+        lights, rules = scene.lights, scene.light_rules
+        pieces = len(emission.emitters.triangles.pieces.triangle)
+        # Lights in their order, the world, emissive triangles.
+        group = np.zeros(len(emission.emitters.cumulative), dtype=np.int32)
+        limit = np.full(len(group), NO_LIMIT, dtype=np.int32)
+        if rules is not None:
+            shining = scene.geometry.object[emission.emitters.triangles.pieces.triangle]
+            group[len(group) - pieces :] = rules.object_group[shining]
+            if lights.group is not None:
+                group[: len(lights.group)] = lights.group
+        if lights.max_bounces is not None:
+            limit[: len(lights.max_bounces)] = lights.max_bounces
+        limit[len(lights.names) : len(group) - pieces] = lights.world_max_bounces
         if not group.any() and limit.min() >= NO_LIMIT:
             return None
         return cls(
             rules=rules,
             cumulative=emission.emitters.cumulative,
-            group=group.astype(np.int32),
-            limit=limit.astype(np.int32),
+            group=group,
+            limit=limit,
             object=scene.geometry.object,
         )
 
@@ -81,7 +88,7 @@ class RestrictedLight:
     @property
     def chooses(self) -> bool:
         """Whether some light does not light, or stop at, everything."""
-        return bool(self.group.any())
+        return self.rules is not None and bool(self.group.any())
 
     def end(
         self,
@@ -120,11 +127,22 @@ class RestrictedLight:
         hits
             Changed in place: the surface that is lit, and how far light counts in the air.
         """
+        assert self.rules is not None
         factor = np.ones(len(photons), dtype=np.float32)
         group = np.empty(len(photons), dtype=np.int32)
         find_groups(seed, photons, self.cumulative, self.group, group)
         rows = np.flatnonzero(group)
-        way = _Way(self, tracer, seed, photons[rows], group[rows], origins[rows], directions[rows], dark[rows])
+        way = _Way(
+            self.rules,
+            self.object,
+            tracer,
+            seed,
+            photons[rows],
+            group[rows],
+            origins[rows],
+            directions[rows],
+            dark[rows],
+        )
         found = way.to_the_end(Hits(hits.triangle[rows], hits.u[rows], hits.v[rows], hits.distance[rows]))
         hits.triangle[rows], hits.u[rows], hits.v[rows] = found.triangle, found.u, found.v
         hits.distance[rows] = np.where(self.rules.lights_others[group[rows]], found.distance, 0.0)
@@ -139,7 +157,8 @@ class _Way:
 
     def __init__(
         self,
-        light: RestrictedLight,
+        rules: LightRules,
+        object_of: Int32,
         tracer: Tracer,
         seed: int,
         photons: NDArray[np.int64],
@@ -148,12 +167,12 @@ class _Way:
         directions: Float32,
         dark: Float32,
     ) -> None:
-        self._object = light.object
+        self._object = object_of
         self._tracer = tracer
         self._origins, self._directions, self._dark = origins, directions, dark
         bit = np.left_shift(np.uint64(1), group.astype(np.uint64))
-        self._receives = lambda rows, objects: (light.rules.receives[objects] & bit[rows]) != 0
-        self._blocks = lambda rows, objects: (light.rules.blocks[objects] & bit[rows]) != 0
+        self._receives = lambda rows, objects: (rules.receives[objects] & bit[rows]) != 0
+        self._blocks = lambda rows, objects: (rules.blocks[objects] & bit[rows]) != 0
         self._coin = np.empty(len(photons))
         draw(seed, photons, self._coin)
         self.lit = np.zeros(len(photons), dtype=np.int32)

@@ -12,8 +12,8 @@ import pytest
 from ivg_addon.core.bake import bake
 from ivg_addon.core.embree import MISS, Hits, Tracer
 from ivg_addon.core.emission import prepare_emission
-from ivg_addon.core.light_rules import NO_LIMIT, LightRules
-from ivg_addon.core.lights import AreaLights, Lights, PointLights
+from ivg_addon.core.light_rules import LightRules
+from ivg_addon.core.lights import NO_LIMIT, AreaLights, Lights, PointLights
 from ivg_addon.core.restricted_light import RestrictedLight
 from ivg_addon.core.scene import Scene
 from ivg_addon.core.settings import BakeSettings
@@ -24,14 +24,13 @@ from .z_tests import assert_means
 N = 1 << 16
 BATCHES = 16
 FLOOR, SHELF, PLATE = range(3)
-EVERYTHING = np.uint64(2**64 - 1)
 
 
 def square(half: float, z: float) -> list[tuple[float, float, float]]:
     return [(-half, -half, z), (half, -half, z), (half, half, z), (-half, half, z)]
 
 
-def stack(rules: LightRules | None, *, radius: float = 0.0) -> Scene:
+def stack(rules: LightRules | None, *, radius: float = 0.0, group: int = 1) -> Scene:
     """Return a lamp at the origin above a plate, a shelf and a floor, objects that all subtend the same angle."""
     geometry = mesh(
         square(3.0, -3.0) + square(2.0, -2.0) + square(1.0, -1.0),
@@ -49,7 +48,8 @@ def stack(rules: LightRules | None, *, radius: float = 0.0) -> Scene:
         blend=array(0.0),
         axes=array(np.eye(3)),
     )
-    of = scene(Lights(world=array(0, 0, 0), point=lamp), geometry, [(0, 0, 0)])
+    lights = Lights(world=array(0, 0, 0), point=lamp, group=np.full(1, group, dtype=np.int32))
+    of = scene(lights, geometry, [(0, 0, 0)])
     return dataclasses.replace(of, light_rules=rules)
 
 
@@ -60,12 +60,10 @@ def rules(receives: tuple[int, ...], blocks: tuple[int, ...], others: bool = Tru
         return np.array([3 if o in objects else 1 for o in range(3)], dtype=np.uint64)
 
     return LightRules(
-        light_group=np.ones(1, dtype=np.int32),
         object_group=np.zeros(3, dtype=np.int32),
         receives=mask(receives),
         blocks=mask(blocks),
         lights_others=np.array([True, others]),
-        max_bounces=np.array([NO_LIMIT], dtype=np.int32),
     )
 
 
@@ -134,8 +132,7 @@ def test_light_for_some_objects_alone_is_not_in_the_air() -> None:
 
 
 def test_scenes_without_restrictions_have_none() -> None:
-    for free in (None, dataclasses.replace(rules((), ()), light_group=np.zeros(1, dtype=np.int32))):
-        of = stack(free)
+    for of in (stack(None), stack(rules((), ()), group=0)):
         assert RestrictedLight.of(of, prepare_emission(of, (-4, -4, -4), (4, 4, 4))) is None
 
 
@@ -144,8 +141,8 @@ SETTINGS = BakeSettings(
 )
 
 
-def box(limit: int, world: int = NO_LIMIT) -> Scene:
-    """Return a white box around an area light and a dim world, with limits of their bounces."""
+def box(limit: int) -> Scene:
+    """Return a white box around an area light whose bounces are limited."""
     x = [-1.0, 1.0]
     corners = [(a, b, c) for a in x for b in x for c in x]
     quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
@@ -160,7 +157,11 @@ def box(limit: int, world: int = NO_LIMIT) -> Scene:
         half_spread=array(math.pi / 2),
         radiance=array((1, 1, 1)),
     )
-    of = scene(Lights(world=array(0, 0, 0), area=panel), mesh(corners, triangles, [0] * 12), [(0, 0, 0)])
+    of = scene(
+        Lights(world=array(0, 0, 0), area=panel, max_bounces=np.full(1, limit, dtype=np.int32)),
+        mesh(corners, triangles, [0] * 12),
+        [(0, 0, 0)],
+    )
     edges = np.array(corners)[np.array(triangles)]
     normals = np.cross(edges[:, 1] - edges[:, 0], edges[:, 2] - edges[:, 0])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
@@ -170,14 +171,6 @@ def box(limit: int, world: int = NO_LIMIT) -> Scene:
         of,
         geometry=dataclasses.replace(of.geometry, corner_normals=flat),
         materials=white,
-        light_rules=LightRules(
-            light_group=np.zeros(1, dtype=np.int32),
-            object_group=np.zeros(1, dtype=np.int32),
-            receives=np.array([EVERYTHING]),
-            blocks=np.array([EVERYTHING]),
-            max_bounces=np.array([limit], dtype=np.int32),
-            world_max_bounces=world,
-        ),
     )
 
 
