@@ -70,11 +70,9 @@ def export_lights(
             rows[kind].append({"names": light.name, "group": group, "max_bounces": _limit(light.data), **row})
         notices.extend(notes.notices)
     radiance, world_notices = _world(depsgraph)
-    world = _world_of(depsgraph)
     in_order = [row for kind in rows for row in rows[kind]]
     lights = Lights(
         world=radiance,
-        world_max_bounces=_limit(world) if world else NO_LIMIT,
         group=np.array([row.pop("group") for row in in_order], dtype=np.int32),
         max_bounces=np.array([row.pop("max_bounces") for row in in_order], dtype=np.int32),
         area=_stack(AreaLights, rows[AreaLights]),
@@ -102,8 +100,8 @@ def _lights_diffuse(instance: bpy.types.DepsgraphObjectInstance) -> bool:
     return all(seer.visible_diffuse for seer in seers)
 
 
-def _limit(light: bpy.types.Light | bpy.types.World) -> int:
-    """Return the most bounces of a light or world."""
+def _limit(light: bpy.types.Light) -> int:
+    """Return the most bounces of a light."""
     bounces = int(light.cycles.max_bounces)
     return bounces if bounces < _ALL_BOUNCES else NO_LIMIT
 
@@ -216,14 +214,10 @@ def _note_differences(light: bpy.types.Object, matrix: Float64, notes: Notes) ->
             notes.add("simplified", "its transform is sheared: apply it to its parents to be exact")
 
 
-def _world_of(depsgraph: bpy.types.Depsgraph) -> bpy.types.World | None:
-    return depsgraph.view_layer_eval.world_override or depsgraph.scene_eval.world
-
-
 def _world(depsgraph: bpy.types.Depsgraph) -> tuple[NDArray[np.float32], tuple[Notice, ...]]:
     """Return the world's radiance, (3,); black where it is not the same from everywhere."""
     black = np.zeros(3, dtype=np.float32)
-    world = _world_of(depsgraph)
+    world = depsgraph.view_layer_eval.world_override or depsgraph.scene_eval.world
     if world is None or not world.cycles_visibility.diffuse:
         return black, ()
     subject = f"world '{world.name}'"

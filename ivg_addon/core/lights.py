@@ -127,8 +127,6 @@ class Lights:
         Which of the groups of `light_rules.LightRules` each of `names` belongs to; without it all are free.
     max_bounces : (lights,) int32, optional
         Most surfaces that each light's photons meet and then still count; without it there is no limit.
-    world_max_bounces
-        That of the world.
     """
 
     world: Float32
@@ -137,7 +135,6 @@ class Lights:
     sun: SunLights = field(default_factory=SunLights)
     group: Int32 | None = None
     max_bounces: Int32 | None = None
-    world_max_bounces: int = NO_LIMIT
 
     @classmethod
     def none(cls) -> Lights:

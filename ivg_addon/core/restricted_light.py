@@ -69,7 +69,6 @@ class RestrictedLight:
                 group[: len(lights.group)] = lights.group
         if lights.max_bounces is not None:
             limit[: len(lights.max_bounces)] = lights.max_bounces
-        limit[len(lights.names) : len(group) - pieces] = lights.world_max_bounces
         if not group.any() and limit.min() >= NO_LIMIT:
             return None
         return cls(
