@@ -20,6 +20,7 @@ from ..lights import Lights
 from ..scene import Float32, Scene
 from .area import AreaEmitters, area_powers
 from .distant import Box, SunEmitters, mean_shadows, sun_fluxes
+from .patterns import PatternEmitters, apply_patterns
 from .photons import Emitters, emit_photons
 from .points import ATTEMPTS, PointEmitters, acceptance, point_powers
 from .triangles import TriangleEmitters, triangle_strengths
@@ -109,10 +110,12 @@ def prepare_emission(scene: Scene, bounds_min: ArrayLike, bounds_max: ArrayLike)
     ]
     # What is emitted, failures included.
     sampled = [
-        powers[0],
+        powers[0].copy(),
         powers[1] / (1.0 - (1.0 - accepted) ** ATTEMPTS)[:, None],
         sun_flux * suns.largest_shadow[:, None],
     ]
+    colors = np.concatenate([*powers, world[None]])
+    apply_patterns(lights, powers, sampled)
     _check_powers(lights, np.concatenate(powers), world)
     mesh_strengths, mesh_power = triangle_strengths(triangles)
 
@@ -122,18 +125,19 @@ def prepare_emission(scene: Scene, bounds_min: ArrayLike, bounds_max: ArrayLike)
             f"scene '{scene.name}' has no light: add a light, a material that emits, or a world colour other than black"
         )
     light_powers = np.concatenate([*powers, world[None]])
-    largest = light_powers.max(axis=1, keepdims=True)
+    largest = colors.max(axis=1, keepdims=True)
     return Emission(
         power=light_powers.sum(axis=0) + mesh_power,
         flux_scale=float(cumulative[-1]),
         emitters=Emitters(
             cumulative=cumulative,
-            weight=(light_powers / np.where(largest > 0.0, largest, 1.0)).astype(np.float32),
+            weight=(colors / np.where(largest > 0.0, largest, 1.0)).astype(np.float32),
             areas=areas,
             points=points,
             suns=suns,
             triangles=triangles,
             box=box,
+            patterns=PatternEmitters.of(lights),
         ),
     )
 
