@@ -16,6 +16,7 @@ import numpy as np
 
 from ..core.errors import Cancelled, SceneError
 from ..core.instancing import Flattened, Instances, MeshData, flatten_steps
+from ..core.light_rules import LightRules
 from ..core.lights import Lights
 from ..core.memory import human
 from ..core.progress import Progress
@@ -25,6 +26,7 @@ from .export_depsgraph import with_render_depsgraph
 from .export_geometry import GeometryReader
 from .export_lights import export_lights
 from .export_materials import MaterialTable
+from .light_linking import LinkingReader
 
 Result = TypeVar("Result")
 Steps = Generator[Progress, None, Result]
@@ -87,10 +89,10 @@ class _Reading:
     instances: list[Instances]
     objects: tuple[str, ...]
     diffuse_visible: tuple[bool, ...]
-    shadow_visible: tuple[bool, ...]
     materials: Materials
     textures: tuple[Texture, ...]
     lights: Lights
+    light_rules: LightRules | None
     notices: tuple[Notice, ...]
 
 
@@ -103,17 +105,19 @@ def _read_steps(depsgraph: bpy.types.Depsgraph) -> Steps[_Reading]:
     for index, instance in enumerate(depsgraph.object_instances):
         geometry.add(instance)
         yield Progress("Reading the scene", _READING * index / count)
-    lights, light_notices = export_lights(depsgraph)
+    linking = LinkingReader()
+    lights, light_notices = export_lights(depsgraph, linking)
+    light_rules = linking.rules(geometry.objects, geometry.shadow_visible, depsgraph)
     return _Reading(
         meshes=geometry.meshes,
         instances=geometry.instances,
         objects=tuple(geometry.objects),
         diffuse_visible=tuple(geometry.diffuse_visible),
-        shadow_visible=tuple(geometry.shadow_visible),
         materials=materials.materials(),
         textures=materials.textures,
         lights=lights,
-        notices=merge((*_colour_notices(), *geometry.notices, *materials.notices, *light_notices)),
+        light_rules=light_rules,
+        notices=merge((*_colour_notices(), *geometry.notices, *materials.notices, *light_notices, *linking.notices)),
     )
 
 
@@ -138,7 +142,7 @@ def _build_steps(reading: _Reading, name: str) -> Steps[Scene]:
         lights=reading.lights,
         objects=reading.objects,
         diffuse_visible=np.array(reading.diffuse_visible, dtype=np.bool_),
-        shadow_visible=np.array(reading.shadow_visible, dtype=np.bool_),
+        light_rules=reading.light_rules,
         notices=merge((*reading.notices, *_geometry_notices(reading, flattened))),
     )
 

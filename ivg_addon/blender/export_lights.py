@@ -18,11 +18,12 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.lights import AreaLights, Lights, PointLights, SunLights
+from ..core.lights import NO_LIMIT, AreaLights, Lights, PointLights, SunLights
 from ..core.report import Notice, merge
 from .emission_nodes import constant_emission
 from .export_colours import ColourReader, Notes
 from .export_images import ImageTable
+from .light_linking import LinkingReader
 
 Float64 = NDArray[np.float64]
 Kind = TypeVar("Kind", AreaLights, PointLights, SunLights)
@@ -33,32 +34,47 @@ _ALL_BOUNCES = 1024
 _SHEARED = 1e-4
 """Cosine between a light's axes from which on its transform counts as sheared."""
 _NEGATIVE = "takes light away: what is negative of its light is ignored"
+_UNSEEN = "lights no diffuse surface: its Ray Visibility has Diffuse switched off"
 _SHADOWLESS = "casts shadows, although they are switched off"
 
 
-def export_lights(depsgraph: bpy.types.Depsgraph) -> tuple[Lights, tuple[Notice, ...]]:
+def export_lights(
+    depsgraph: bpy.types.Depsgraph, linking: LinkingReader | None = None
+) -> tuple[Lights, tuple[Notice, ...]]:
     """Return every light that a depsgraph shows, instances too, and the world.
 
-    Lights that diffuse surfaces do not see (Ray Visibility: Diffuse) and portals light nothing, in
-    Cycles as here: they are left out without a word. All else that is not taken over exactly
-    gets a `Notice`.
+    Portals light nothing, in Cycles as here: they are left out without a word. All else that is not
+    taken over exactly gets a `Notice`.
+
+    Parameters
+    ----------
+    linking
+        Learns which lights may not light everything; its `rules` belong to the lights.
     """
+    linking = linking or LinkingReader()
     rows: dict[type, list[Row]] = {AreaLights: [], PointLights: [], SunLights: []}
     notices: list[Notice] = []
     for instance in depsgraph.object_instances:
         light = instance.object
-        if light.type != "LIGHT" or not _lights_diffuse(instance):
+        if light.type != "LIGHT" or not _renders(instance):
             continue
         notes = Notes(f"light '{light.name}'")
+        if not _lights_diffuse(instance):
+            notices.append(Notice("left out", f"light '{light.name}'", _UNSEEN))
+            continue
         matrix = np.array(instance.matrix_world, dtype=np.float64)
         exported = _export(light, matrix, notes)
         if exported is not None:
             kind, row = exported
-            rows[kind].append({"names": light.name, **row})
+            group = linking.group(light, shadows=light.data.use_shadow)
+            rows[kind].append({"names": light.name, "group": group, "max_bounces": _limit(light.data), **row})
         notices.extend(notes.notices)
     radiance, world_notices = _world(depsgraph)
+    in_order = [row for kind in rows for row in rows[kind]]
     lights = Lights(
         world=radiance,
+        group=np.array([row.pop("group") for row in in_order], dtype=np.int32),
+        max_bounces=np.array([row.pop("max_bounces") for row in in_order], dtype=np.int32),
         area=_stack(AreaLights, rows[AreaLights]),
         point=_stack(PointLights, rows[PointLights]),
         sun=_stack(SunLights, rows[SunLights]),
@@ -66,17 +82,28 @@ def export_lights(depsgraph: bpy.types.Depsgraph) -> tuple[Lights, tuple[Notice,
     return lights, merge([*notices, *world_notices])
 
 
-def _lights_diffuse(instance: bpy.types.DepsgraphObjectInstance) -> bool:
-    """Tell whether a light renders, and lights diffuse surfaces."""
+def _renders(instance: bpy.types.DepsgraphObjectInstance) -> bool:
+    """Tell whether a light is there to shine, in a render."""
     light = instance.object
-    seers = [light, instance.parent] if instance.is_instance and instance.parent else [light]
     return (
         instance.show_self
         # A depsgraph of a render holds what renders, one of the viewport what the viewport shows.
         and not light.hide_render
-        and all(seer.visible_diffuse for seer in seers)
         and not (light.data.type == "AREA" and light.data.cycles.is_portal)
     )
+
+
+def _lights_diffuse(instance: bpy.types.DepsgraphObjectInstance) -> bool:
+    """Tell whether a light lights diffuse surfaces."""
+    light = instance.object
+    seers = [light, instance.parent] if instance.is_instance and instance.parent else [light]
+    return all(seer.visible_diffuse for seer in seers)
+
+
+def _limit(light: bpy.types.Light) -> int:
+    """Return the most bounces of a light."""
+    bounces = int(light.cycles.max_bounces)
+    return bounces if bounces < _ALL_BOUNCES else NO_LIMIT
 
 
 def _export(light: bpy.types.Object, matrix: Float64, notes: Notes) -> tuple[type, Row] | None:
@@ -181,14 +208,6 @@ def _nowhere(kind: type, row: Row) -> str:
 
 def _note_differences(light: bpy.types.Object, matrix: Float64, notes: Notes) -> None:
     """Say what Cycles would do otherwise with a light that is exported."""
-    linking = light.light_linking
-    if linking.receiver_collection or linking.blocker_collection:
-        notes.add("simplified", "lights everything: light linking is ignored")
-    if not light.data.use_shadow:
-        notes.add("simplified", _SHADOWLESS)
-    bounces = light.data.cycles.max_bounces
-    if bounces < _ALL_BOUNCES:
-        notes.add("simplified", f"lights every bounce, not only the first {bounces}")
     if light.data.type == "AREA":
         axes = matrix[:3, :3] / np.linalg.norm(matrix[:3, :3], axis=0)
         if np.abs(axes.T @ axes - np.eye(3)).max() > _SHEARED:

@@ -23,6 +23,7 @@ from .memory import require
 from .photon_walk import Course, Walk, thread_count, walk_steps
 from .progress import Progress, Result, finish
 from .report import Notice, merge
+from .restricted_light import RestrictedLight
 from .scene import Float32, Scene
 from .settings import BakeSettings, Estimator, Vec3
 from .surface_bins import PATCHES_PER_VOXEL, PHOTONS_PER_PATCH, SurfaceBins
@@ -171,25 +172,10 @@ def prepare_course(scene: Scene, lattice: Lattice, photons: int) -> Course:
     )
     patch_size = float(lattice.voxel_size.min()) / PATCHES_PER_VOXEL
     bins = SurfaceBins.of(scene.geometry, patch_size, photons // PHOTONS_PER_PATCH)
-    return Course(emission, *_tracers(scene), Surfaces.of(scene, bins), bins, _passed(scene))
-
-
-def _tracers(scene: Scene) -> tuple[Tracer, Tracer]:
-    """Return what blocks photons before and after their first bounce; one tracer twice where that is the same."""
-    seen, blocks = (
-        None if visible is None or visible.all() else visible[scene.geometry.object]
-        for visible in (scene.diffuse_visible, scene.shadow_visible)
-    )
-    first = Tracer(scene.geometry, keep=blocks)
-    same = seen is None and blocks is None
-    return first, first if same else Tracer(scene.geometry, keep=seen)
-
-
-def _passed(scene: Scene) -> Tracer | None:
-    """Return what light flies through and lights all the same."""
-    if scene.shadow_visible is None or scene.shadow_visible.all():
-        return None
-    return Tracer(scene.geometry, keep=(scene.diffuse_visible & ~scene.shadow_visible)[scene.geometry.object])
+    first = Tracer(scene.geometry)
+    seen = scene.diffuse_visible[scene.geometry.object]
+    later = first if seen.all() else Tracer(scene.geometry, keep=seen)
+    return Course(emission, first, later, Surfaces.of(scene, bins), bins, RestrictedLight.of(scene, emission))
 
 
 def _light_knowledge(scene: Scene, course: Course, walk: Walk) -> LightKnowledge:

@@ -16,12 +16,36 @@ Float32 = NDArray[np.float32]
 Bool = NDArray[np.bool_]
 
 
+Int32 = NDArray[np.int32]
+
+NO_LIMIT = 1 << 20
+"""Bounces of light that never ends."""
+NO_PATTERN = -1
+
+
 def _rows(*shape: int) -> Float32:
     return np.zeros(shape, dtype=np.float32)
 
 
 def _flags() -> Bool:
     return np.zeros(0, dtype=np.bool_)
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """Factors that multiply the light of a lamp that does not shine evenly: an IES profile, a slide, a lit sign.
+
+    Of an area light texels lie on the light, columns along `edge_u` and rows along `edge_v`. Of a point or spot they
+    are directions: rows in equal steps of the angle to the axis −z, from 0 to the cone's, and columns in equal steps
+    of the azimuth from x to y.
+
+    Parameters
+    ----------
+    factor : (rows, columns, 3) float32
+        Not negative.
+    """
+
+    factor: Float32
 
 
 @dataclass(frozen=True)
@@ -42,6 +66,8 @@ class AreaLights:
         parallel beam.
     radiance : (n, 3) float32
         W/(m² sr), what the light has at full spread. A smaller spread gathers the same power.
+    pattern : (n,) int32, optional
+        Index into `Lights.patterns`, or `NO_PATTERN`; none has one where this is not given.
     """
 
     names: tuple[str, ...] = ()
@@ -52,6 +78,7 @@ class AreaLights:
     elliptic: Bool = field(default_factory=_flags)
     half_spread: Float32 = field(default_factory=lambda: _rows(0))
     radiance: Float32 = field(default_factory=lambda: _rows(0, 3))
+    pattern: Int32 | None = None
 
 
 @dataclass(frozen=True)
@@ -76,6 +103,10 @@ class PointLights:
     axes : (n, 3, 3) float32
         Columns are the light's own x, y and z axes in world space, with their lengths; the cone
         opens along −z. Unequal lengths make the cone elliptic.
+    pattern : (n,) int32, optional
+        Index into `Lights.patterns`, or `NO_PATTERN`; none has one where this is not given. A pattern holds the
+        cone's fading too: `blend` is then 0, and `axes` are orthonormal. That of a sphere without a cone belongs to
+        the places of its surface, and each shines by Lambert's law.
     """
 
     names: tuple[str, ...] = ()
@@ -86,6 +117,7 @@ class PointLights:
     cos_half_angle: Float32 = field(default_factory=lambda: _rows(0))
     blend: Float32 = field(default_factory=lambda: _rows(0))
     axes: Float32 = field(default_factory=lambda: _rows(0, 3, 3))
+    pattern: Int32 | None = None
 
 
 @dataclass(frozen=True)
@@ -117,12 +149,21 @@ class Lights:
     ----------
     world : (3,) float32
         Radiance of the surroundings, the same from every direction, W/(m² sr).
+    patterns
+        Of area lights, points and spots; no two of different cones share one.
+    group : (lights,) int32, optional
+        Which of the groups of `light_rules.LightRules` each of `names` belongs to; without it all are free.
+    max_bounces : (lights,) int32, optional
+        Most surfaces that each light's photons meet and then still count; without it there is no limit.
     """
 
     world: Float32
     area: AreaLights = field(default_factory=AreaLights)
     point: PointLights = field(default_factory=PointLights)
     sun: SunLights = field(default_factory=SunLights)
+    patterns: tuple[Pattern, ...] = ()
+    group: Int32 | None = None
+    max_bounces: Int32 | None = None
 
     @classmethod
     def none(cls) -> Lights:

@@ -23,10 +23,10 @@ from .dual_cells import Lattice
 from .embree import Tracer
 from .emission import Emission, leave_darkness
 from .progress import Progress
+from .restricted_light import RestrictedLight
 from .scattering import ABSORBED, CUT, ENERGY_STEPS, ESCAPED, scatter
 from .scene import Int32
 from .settings import BakeSettings
-from .shadowless import choose_lit
 from .surface_bins import SurfaceBins
 from .surfaces import Surfaces
 from .tally import Tally
@@ -75,11 +75,11 @@ class Course:
         Where photons come from.
     first, later
         What blocks a photon before and after its first bounce. Objects that diffuse rays do not
-        see cast shadows all the same, and others cast none, so the two can differ.
+        see cast shadows all the same, so the two can differ.
     surfaces, bins
         What photons scatter at, and where they are counted.
-    passed
-        What casts no shadow and is lit all the same; None where there is nothing of it.
+    restricted
+        What some lights may not do; None where all may do everything.
     """
 
     emission: Emission
@@ -87,7 +87,7 @@ class Course:
     later: Tracer
     surfaces: Surfaces
     bins: SurfaceBins
-    passed: Tracer | None = None
+    restricted: RestrictedLight | None = None
 
 
 class _Worker:
@@ -124,8 +124,16 @@ class _Worker:
         for bounce in range(self.settings.bounces + 1):
             if alive == 0 or stop.is_set():
                 break
-            alive = self._advance(bounce, alive)
+            alive = self._advance(bounce, self._allowed(bounce, alive))
         return size
+
+    def _allowed(self, bounce: int, n: int) -> int:
+        """Take out what has bounced as often as its light may; return how many are left."""
+        rules = self.course.restricted
+        if bounce == 0 or rules is None or not rules.ends:
+            return n
+        origins, directions, weights = self.origins[:n], self.directions[:n], self.weights[:n]
+        return rules.end(bounce, self.settings.seed, self.photons[:n], origins, directions, weights, self.energy)
 
     def _advance(self, bounce: int, n: int) -> int:
         """Let n photons fly to their next hit and scatter there; return how many survive."""
@@ -135,13 +143,18 @@ class _Worker:
         hits = tracer.intersect(origins, directions)
         self.embree_seconds += time.perf_counter() - start
         self.rays += n
+        factor = None
+        rules = self.course.restricted
+        if bounce == 0 and rules is not None and rules.chooses:
+            factor = rules.follow(
+                tracer, self.settings.seed, self.photons[:n], origins, directions, self.dark[:n], hits
+            )
         if bounce == 0 and self.course.emission.flies_dark:
             leave_darkness(origins, directions, self.dark[:n], hits.triangle, hits.distance)
         if bounce > 0 or self.settings.include_direct:
             self.tally.deposit(origins, directions, weights, hits.distance)
-        if bounce == 0 and self.course.passed is not None:
-            lit = choose_lit(self.course.passed, self.settings.seed, self.photons[:n], origins, directions, hits)
-            weights *= lit[:, None]
+        if factor is not None:
+            weights *= factor[:, None]
         return int(
             scatter(
                 self.photons[:n],

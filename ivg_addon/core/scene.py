@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .light_rules import LightRules
 from .lights import Lights
 from .report import Notice
 
@@ -185,13 +186,12 @@ class Scene:
         The Blender scene's name.
     diffuse_visible : (objects,) bool
         False for an object that diffuse rays do not see: it casts shadows but reflects nothing.
-    shadow_visible : (objects,) bool, optional
-        False for an object that light passes straight from the lights, lighting it on its way; all True where this is
-        not given.
     lights
         Every emitter: light datablocks, emissive triangles and the world.
     notices
         What the export simplified or left out.
+    light_rules
+        What lights do not light, or do not stop at; None where all light, and stop at, everything.
     """
 
     name: str
@@ -202,4 +202,4 @@ class Scene:
     objects: tuple[str, ...]
     diffuse_visible: NDArray[np.bool_]
     notices: tuple[Notice, ...] = field(default=())
-    shadow_visible: NDArray[np.bool_] | None = None
+    light_rules: LightRules | None = None

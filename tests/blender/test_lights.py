@@ -13,7 +13,9 @@ bpy = pytest.importorskip("bpy")
 from benchmarks.light_cases import CASES  # noqa: E402
 from benchmarks.light_proof import FALSE_ALARM, QUICK, prove  # noqa: E402
 from ivg_addon.blender.export_lights import export_lights  # noqa: E402
-from ivg_addon.core.lights import Lights  # noqa: E402
+from ivg_addon.blender.light_linking import LinkingReader  # noqa: E402
+from ivg_addon.core.light_rules import LightRules  # noqa: E402
+from ivg_addon.core.lights import NO_LIMIT, Lights  # noqa: E402
 from ivg_addon.core.report import Notice  # noqa: E402
 
 PI = math.pi
@@ -141,12 +143,17 @@ def test_instances_of_lights_are_lights() -> None:
     assert len(exported()[0].names) == 1
 
 
-def test_what_lights_nothing_diffuse_in_cycles_is_left_out_silently() -> None:
+def test_what_does_not_render_is_left_out_silently() -> None:
     add_light("POINT", "Hidden").hide_render = True
-    add_light("POINT", "Unseen").visible_diffuse = False
     add_light("AREA", "Portal").data.cycles.is_portal = True
     assert exported()[0].names == ()
     assert exported()[1] == ()
+
+
+def test_light_that_diffuse_surfaces_do_not_see_is_named() -> None:
+    add_light("POINT", "Unseen").visible_diffuse = False
+    assert exported()[0].names == ()
+    assert one_notice().startswith("left out: light 'Unseen': lights no diffuse surface")
 
 
 def test_constant_nodes_multiply_the_strength() -> None:
@@ -232,19 +239,99 @@ def test_negative_light_is_cut_off() -> None:
 
 
 def test_differences_to_cycles_are_named() -> None:
-    item = add_light("AREA", use_shadow=False)
-    item.data.cycles.max_bounces = 3
-    item.light_linking.receiver_collection = bpy.data.collections.new("Receivers")
+    item = add_light("AREA")
     parent = bpy.data.objects.new("Parent", None)
     parent.scale = (1.0, 3.0, 1.0)
     bpy.context.scene.collection.objects.link(parent)
     item.parent, item.rotation_euler = parent, TURNED
     lights, notices = exported()
     assert lights.names == ("Key",)
-    text = " ".join(map(str, notices))
-    for what in ("light linking", "shadows", "first 3", "sheared"):
-        assert what in text
-    assert all(notice.kind == "simplified" and notice.subject == "light 'Key'" for notice in notices)
+    (notice,) = notices
+    assert str(notice).startswith("simplified: light 'Key': its transform is sheared")
+
+
+def test_limits_of_bounces_go_with_their_lights() -> None:
+    add_light("SUN")
+    add_light("POINT", shadow_soft_size=0.0).data.cycles.max_bounces = 3
+    lights, notices = exported()
+    assert notices == ()
+    np.testing.assert_array_equal(lights.max_bounces, [3, NO_LIMIT])
+
+
+def collection_of(**members: str) -> bpy.types.Collection:
+    """Return a collection of objects, made if need be, by their names and whether they are included or excluded."""
+    made = bpy.data.collections.new("Chosen")
+    for name in members:
+        made.objects.link(bpy.data.objects.get(name) or bpy.data.objects.new(name, None))
+    for state, choice in zip(made.collection_objects, members.values(), strict=True):
+        state.light_linking.link_state = choice
+    return made
+
+
+def rules_of(*objects: str) -> tuple[Lights, LightRules | None]:
+    linking = LinkingReader()
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    lights, notices = export_lights(depsgraph, linking)
+    assert notices == linking.notices == ()
+    return lights, linking.rules(objects, depsgraph)
+
+
+def bits(masks: np.ndarray, group: int) -> list[bool]:
+    return [bool(int(mask) >> group & 1) for mask in masks]
+
+
+def test_lights_without_links_have_no_rules() -> None:
+    add_light("POINT")
+    add_light("POINT", "Linked to nothing").light_linking.receiver_collection = collection_of()
+    lights, rules = rules_of("A")
+    assert rules is None
+    assert not lights.group.any()
+
+
+def test_linked_lights_have_the_rules_of_cycles() -> None:
+    """Chosen is what is included, or all if nothing is, without what is excluded; children count as a whole."""
+    add_light("POINT", "Free")
+    include = add_light("SUN", "Include")
+    include.light_linking.receiver_collection = collection_of(A="INCLUDE", B="EXCLUDE")
+    exclude = add_light("AREA", "Exclude")
+    exclude.light_linking.blocker_collection = outer = collection_of(A="EXCLUDE")
+    outer.children.link(collection_of(B="INCLUDE"))
+    outer.collection_children[0].light_linking.link_state = "EXCLUDE"
+    add_light("POINT", "Shadowless", use_shadow=False)
+    lights, rules = rules_of("A", "B", "C")
+    by_name = dict(zip(lights.names, lights.group.tolist(), strict=True))
+    assert by_name["Free"] == 0
+    assert bits(rules.receives, 0) == bits(rules.blocks, 0) == [True] * 3
+    assert bits(rules.receives, by_name["Include"]) == [True, False, False]
+    assert bits(rules.blocks, by_name["Include"]) == [True, True, True]
+    assert bits(rules.receives, by_name["Exclude"]) == [True, True, True]
+    assert bits(rules.blocks, by_name["Exclude"]) == [False, False, True]
+    assert bits(rules.blocks, by_name["Shadowless"]) == [False, False, False]
+    assert [bool(rules.lights_others[by_name[name]]) for name in ("Include", "Exclude", "Shadowless")] == [
+        False,
+        True,
+        True,
+    ]
+
+
+def test_lights_that_are_linked_alike_share_a_group() -> None:
+    chosen = collection_of(A="INCLUDE")
+    for index in range(1000):
+        add_light("POINT", f"Lamp {index}").light_linking.receiver_collection = chosen
+    lights, rules = rules_of("A", "B")
+    assert set(lights.group.tolist()) == {1}
+    assert len(rules.lights_others) == 2
+
+
+def test_more_ways_of_linking_than_cycles_has_are_named() -> None:
+    for index in range(65):
+        chosen = collection_of(**{f"Object {index}": "INCLUDE"})
+        add_light("POINT", f"Lamp {index}").light_linking.receiver_collection = chosen
+    linking = LinkingReader()
+    lights, _ = export_lights(bpy.context.evaluated_depsgraph_get(), linking)
+    assert lights.group.max() == 63
+    assert len(linking.notices) == 2
+    assert "Cycles knows 63 ways of light linking" in str(linking.notices[0])
 
 
 def new_world() -> tuple[bpy.types.World, bpy.types.Node]:

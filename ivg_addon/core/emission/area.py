@@ -103,7 +103,17 @@ def _tan_of_slat(y):
 
 
 @merged
-def emit_area(center, edge_u, edge_v, direction, elliptic, slat_range, light, xi_0, xi_1, xi_2, xi_3, xi_4):
+def on_area(elliptic, xi_0, xi_1):
+    """Return a place on a light, uniform over it: −½ to ½ along its edges."""
+    if elliptic:
+        radius = 0.5 * math.sqrt(xi_0)
+        sine, cosine = sine_and_cosine(xi_1)
+        return radius * cosine, radius * sine
+    return xi_0 - 0.5, xi_1 - 0.5
+
+
+@merged
+def emit_area(center, edge_u, edge_v, direction, slat_range, light, u, v, xi_2, xi_3, xi_4):
     """Return a photon's origin and direction, six floats.
 
     Parameters
@@ -113,17 +123,11 @@ def emit_area(center, edge_u, edge_v, direction, elliptic, slat_range, light, xi
         references to each of them.
     light
         Index of the light.
-    xi_0 … xi_4
-        Uniform in (0, 1): two place the photon, one picks its slat, two its direction.
+    u, v
+        Where on it the photon starts, −½ to ½.
+    xi_2 … xi_4
+        Uniform in (0, 1): one picks the photon's slat, two its direction.
     """
-    if elliptic[light]:
-        radius = 0.5 * math.sqrt(xi_0)
-        sine, cosine = sine_and_cosine(xi_1)
-        u = radius * cosine
-        v = radius * sine
-    else:
-        u = xi_0 - 0.5
-        v = xi_1 - 0.5
     px = center[light, 0] + u * edge_u[light, 0] + v * edge_v[light, 0]
     py = center[light, 1] + u * edge_u[light, 1] + v * edge_v[light, 1]
     pz = center[light, 2] + u * edge_u[light, 2] + v * edge_v[light, 2]

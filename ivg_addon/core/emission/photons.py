@@ -10,23 +10,27 @@ from numpy.typing import NDArray
 
 from ..compiled import kernel, merged
 from ..embree import MISS
+from ..lights import NO_PATTERN
 from ..random import STREAM_EMISSION, random4
-from ..scene import Float32
-from .area import AreaEmitters, emit_area
+from ..scene import NO_TEXTURE, Float32
+from .area import AreaEmitters, emit_area, on_area
 from .distant import Box, SunEmitters, emit_sun, emit_world
-from .points import PointEmitters, emit_point
-from .triangles import TriangleEmitters, emit_triangle
+from .patterns import PatternEmitters, pick_texel
+from .points import PointEmitters, emit_patterned_point, emit_point
+from .triangles import TriangleEmitters, emit_triangle, texture_of_emission
 
 _OUTWARDS = 1.0 / math.sqrt(3.0)
 
 
 class Emitters(NamedTuple):
-    """All emitters in a row: areas, points, suns, the world, emissive triangles.
+    """All emitters in a row: areas, points, suns, the world, pieces of emissive triangles.
 
     cumulative : (emitters,) float64
         Σ s up to and with each emitter.
     weight : (emitters before the triangles, 3) float32
-        Power of each light over its largest channel. Triangles have theirs by material.
+        Power of each light over its largest channel. Triangles have theirs by material and texture.
+    patterns
+        Those of areas and points, whose weights they multiply.
     """
 
     cumulative: NDArray[np.float64]
@@ -36,6 +40,7 @@ class Emitters(NamedTuple):
     suns: SunEmitters
     triangles: TriangleEmitters
     box: Box
+    patterns: PatternEmitters
 
 
 @kernel
@@ -45,21 +50,44 @@ def emit_photons(seed, first_photon, emitters, origins, directions, weights, dar
     first_sun = first_point + len(emitters.points.radius)
     world = first_sun + len(emitters.suns.direction)
     center, edge_u, edge_v, direction, elliptic, slat_range = emitters.areas
+    vertices, triangles, uvs, pieces, emission, texture, pool = emitters.triangles
+    of_triangle, sides, of_material, divisions, index, bound = pieces
+    weight = emitters.weight
+    area_pattern, point_pattern, first_texel, columns, rows, texel_sums, texel_color = emitters.patterns
     for i in range(len(origins)):
         photon = first_photon + i
         coarse, fine, xi_0, xi_1 = random4(seed, photon, STREAM_EMISSION)
-        emitter = _pick(emitters.cumulative, coarse, fine)
+        emitter = pick(emitters.cumulative, coarse, fine)
         distance = 0.0
         exists = True
-        row = emitter
+        texel = -1
+        red = green = blue = 0.0
         if first_point <= emitter < first_sun:
             light = emitter - first_point
-            ox, oy, oz, dx, dy, dz, distance, exists = emit_point(emitters.points, light, seed, photon, xi_0, xi_1)
+            pattern = point_pattern[light]
+            if pattern == NO_PATTERN:
+                ox, oy, oz, dx, dy, dz, distance, exists = emit_point(emitters.points, light, seed, photon, xi_0, xi_1)
+            else:
+                xi, _, _, _ = random4(seed, photon, STREAM_EMISSION + 1)
+                texel = pick_texel(first_texel, texel_sums, pattern, xi)
+                row, column = divmod(texel - first_texel[pattern], columns[pattern])
+                ox, oy, oz, dx, dy, dz, distance = emit_patterned_point(
+                    emitters.points, light, row, rows[pattern], column, columns[pattern], seed, photon, xi_0, xi_1
+                )
         else:
-            xi_2, xi_3, xi_4, _ = random4(seed, photon, STREAM_EMISSION + 1)
+            xi_2, xi_3, xi_4, xi_5 = random4(seed, photon, STREAM_EMISSION + 1)
             if emitter < first_point:
+                pattern = area_pattern[emitter]
+                if pattern == NO_PATTERN:
+                    u, v = on_area(elliptic[emitter], xi_0, xi_1)
+                else:
+                    texel = pick_texel(first_texel, texel_sums, pattern, xi_5)
+                    row, column = divmod(texel - first_texel[pattern], columns[pattern])
+                    u = (column + xi_0) / columns[pattern] - 0.5
+                    v = (row + xi_1) / rows[pattern] - 0.5
+                    exists = not elliptic[emitter] or u * u + v * v < 0.25
                 ox, oy, oz, dx, dy, dz = emit_area(
-                    center, edge_u, edge_v, direction, elliptic, slat_range, emitter, xi_0, xi_1, xi_2, xi_3, xi_4
+                    center, edge_u, edge_v, direction, slat_range, emitter, u, v, xi_2, xi_3, xi_4
                 )
             elif emitter < world:
                 light = emitter - first_sun
@@ -69,9 +97,18 @@ def emit_photons(seed, first_photon, emitters, origins, directions, weights, dar
             elif emitter == world:
                 ox, oy, oz, dx, dy, dz = emit_world(emitters.box, xi_0, xi_1, xi_2, xi_3, xi_4)
             else:
-                triangle = emitters.triangles.emissive[emitter - world - 1]
-                row = emitters.triangles.material[triangle]
-                ox, oy, oz, dx, dy, dz = emit_triangle(emitters.triangles, triangle, xi_0, xi_1, xi_2, xi_3, xi_4)
+                piece = emitter - world - 1
+                ox, oy, oz, dx, dy, dz, u, v = emit_triangle(
+                    vertices, triangles, of_triangle, sides, divisions, index, piece, xi_0, xi_1, xi_2, xi_3, xi_4
+                )
+                material = of_material[piece]
+                share = 1.0 / bound[piece]
+                red, green, blue = emission[material, 0], emission[material, 1], emission[material, 2]
+                if texture[material] != NO_TEXTURE:
+                    r, g, b = texture_of_emission(uvs, pool, texture[material], of_triangle[piece], u, v)
+                    red, green, blue = red * r, green * g, blue * b
+                # At most 1 but for rounding.
+                red, green, blue = min(1.0, share * red), min(1.0, share * green), min(1.0, share * blue)
         if not exists:
             # Out of sight: from the box's far corner away from everything.
             ox, oy, oz = emitters.box.high[0], emitters.box.high[1], emitters.box.high[2]
@@ -80,13 +117,15 @@ def emit_photons(seed, first_photon, emitters, origins, directions, weights, dar
         dark[i] = distance
         _store(origins, i, ox, oy, oz)
         _store(directions, i, dx, dy, dz)
-        for channel in range(3):
-            if not exists:
-                weights[i, channel] = 0.0
-            elif emitter > world:
-                weights[i, channel] = emitters.triangles.weight[row, channel]
-            else:
-                weights[i, channel] = emitters.weight[row, channel]
+        if exists and emitter <= world:
+            red, green, blue = weight[emitter, 0], weight[emitter, 1], weight[emitter, 2]
+            if texel >= 0:
+                red, green, blue = (
+                    red * texel_color[texel, 0],
+                    green * texel_color[texel, 1],
+                    blue * texel_color[texel, 2],
+                )
+        _store(weights, i, red, green, blue)
 
 
 @kernel
@@ -119,7 +158,7 @@ def leave_darkness(origins, directions, dark, triangle, distance):
 
 
 @merged
-def _pick(cumulative, coarse, fine):
+def pick(cumulative, coarse, fine):
     """Return the emitter that a random number falls on.
 
     A table may have millions of triangles, more than 32 random bits can tell apart: `fine` adds

@@ -30,9 +30,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiled import inlined, merged
-from ..lights import PointLights
+from ..lights import NO_PATTERN, PointLights
 from ..random import STREAM_EMISSION, random4
-from ..vectors import orthonormal_basis
+from ..vectors import cosine_direction, orthonormal_basis
 
 Float64 = NDArray[np.float64]
 
@@ -67,8 +67,10 @@ class PointEmitters(NamedTuple):
     def of(cls, lights: PointLights) -> PointEmitters:
         """Gather the arrays that the kernel needs."""
         cos_half_angle = lights.cos_half_angle.astype(np.float64)
-        cone = (cos_half_angle > -1.0)[:, None, None]
-        axes = np.where(cone, lights.axes.astype(np.float64), np.eye(3))
+        turned = cos_half_angle > -1.0
+        if lights.pattern is not None:
+            turned |= lights.pattern != NO_PATTERN
+        axes = np.where(turned[:, None, None], lights.axes.astype(np.float64), np.eye(3))
         axes /= np.cbrt(np.abs(np.linalg.det(axes)))[:, None, None]
         gram = np.swapaxes(axes, 1, 2) @ axes
         uneven = np.abs(gram - np.eye(3)).max(axis=(1, 2), initial=0.0) > _EVEN
@@ -155,8 +157,48 @@ def emit_point(lights, light, seed, photon, xi_0, xi_1):
         Six floats; the metres that the photon flies before it carries light; False if no attempt
         found a direction.
     """
-    radius = lights.radius[light]
     dx, dy, dz, found = _spot_direction(lights, light, seed, photon)
+    ox, oy, oz, dark = _on_line(lights, light, dx, dy, dz, xi_0, xi_1)
+    return ox, oy, oz, dx, dy, dz, dark, found
+
+
+@merged
+def emit_patterned_point(lights, light, row, rows, column, columns, seed, photon, xi_0, xi_1):
+    """Return a photon's origin and direction, and how far it flies dark: seven floats.
+
+    Parameters
+    ----------
+    row, rows, column, columns
+        Which texel of the light's pattern it starts from; see `lights.Pattern`.
+    lights … xi_1
+        As in `emit_point`.
+    """
+    xi_row, xi_column, xi_2, xi_3 = random4(seed, photon, STREAM_EMISSION + 2)
+    half_angle = math.acos(lights.cos_half_angle[light])
+    low, high = math.cos(half_angle * row / rows), math.cos(half_angle * (row + 1) / rows)
+    z = low + xi_row * (high - low)
+    s = math.sqrt(max(0.0, 1.0 - z * z))
+    azimuth = 2.0 * math.pi * (column + xi_column) / columns
+    x, y = s * math.cos(azimuth), s * math.sin(azimuth)
+    axes = lights.axes[light]
+    dx = axes[0, 0] * x + axes[0, 1] * y - axes[0, 2] * z
+    dy = axes[1, 0] * x + axes[1, 1] * y - axes[1, 2] * z
+    dz = axes[2, 0] * x + axes[2, 1] * y - axes[2, 2] * z
+    ox, oy, oz, dark = _on_line(lights, light, dx, dy, dz, xi_0, xi_1)
+    radius = lights.radius[light]
+    if radius > 0.0 and not lights.soft_falloff[light] and lights.cos_half_angle[light] <= -1.0:
+        # The pattern's direction is the normal of a place on the sphere.
+        ox = lights.position[light, 0] + radius * dx
+        oy = lights.position[light, 1] + radius * dy
+        oz = lights.position[light, 2] + radius * dz
+        dx, dy, dz = cosine_direction(dx, dy, dz, xi_2, xi_3)
+    return ox, oy, oz, dx, dy, dz, dark
+
+
+@merged
+def _on_line(lights, light, dx, dy, dz, xi_0, xi_1):
+    """Return where on its line a photon of direction d starts, and how far it flies dark: four floats."""
+    radius = lights.radius[light]
     tx, ty, tz, bx, by, bz = orthonormal_basis(dx, dy, dz)
     b = radius * math.sqrt(xi_0)
     x = b * math.cos(2.0 * math.pi * xi_1)
@@ -171,11 +213,7 @@ def emit_point(lights, light, seed, photon, xi_0, xi_1):
         lights.position[light, 0] + x * tx + y * bx + z * dx,
         lights.position[light, 1] + x * ty + y * by + z * dy,
         lights.position[light, 2] + x * tz + y * bz + z * dz,
-        dx,
-        dy,
-        dz,
         dark,
-        found,
     )
 
 

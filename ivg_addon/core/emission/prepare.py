@@ -3,7 +3,9 @@
 A photon picks the emitter e with probability s_e / Σ s, s_e the largest channel of its power, and
 carries the flux w_e Σ s / N of N photons, w_e = power / s_e: the largest channel of its weight
 is 1, whatever the emitter. What emits in a way that has no closed form is sampled with failures
-whose chance is known: s_e is the larger by that, and a photon that failed has weight 0.
+whose chance is known: s_e is the larger by that, and a photon that failed has weight 0. Textured
+triangles have no power in closed form either: their s_e is that of a bound, of which photons carry
+the share that the texture has where they start.
 """
 
 from __future__ import annotations
@@ -18,9 +20,10 @@ from ..lights import Lights
 from ..scene import Float32, Scene
 from .area import AreaEmitters, area_powers
 from .distant import Box, SunEmitters, mean_shadows, sun_fluxes
+from .patterns import PatternEmitters, apply_patterns
 from .photons import Emitters, emit_photons
 from .points import ATTEMPTS, PointEmitters, acceptance, point_powers
-from .triangles import TriangleEmitters, triangle_powers
+from .triangles import TriangleEmitters, triangle_strengths
 
 Float64 = NDArray[np.float64]
 
@@ -107,32 +110,34 @@ def prepare_emission(scene: Scene, bounds_min: ArrayLike, bounds_max: ArrayLike)
     ]
     # What is emitted, failures included.
     sampled = [
-        powers[0],
+        powers[0].copy(),
         powers[1] / (1.0 - (1.0 - accepted) ** ATTEMPTS)[:, None],
         sun_flux * suns.largest_shadow[:, None],
     ]
+    colors = np.concatenate([*powers, world[None]])
+    apply_patterns(lights, powers, sampled)
     _check_powers(lights, np.concatenate(powers), world)
-    mesh = triangle_powers(triangles, scene.materials.emission)
+    mesh_strengths, mesh_power = triangle_strengths(triangles)
 
-    strengths = np.concatenate([*sampled, world[None], mesh]).max(axis=1)
-    cumulative = np.cumsum(strengths)
+    cumulative = np.cumsum(np.concatenate([*(s.max(axis=1) for s in sampled), [world.max()], mesh_strengths]))
     if not cumulative[-1] > 0.0:
         raise SceneError(
             f"scene '{scene.name}' has no light: add a light, a material that emits, or a world colour other than black"
         )
     light_powers = np.concatenate([*powers, world[None]])
-    largest = light_powers.max(axis=1, keepdims=True)
+    largest = colors.max(axis=1, keepdims=True)
     return Emission(
-        power=light_powers.sum(axis=0) + mesh.sum(axis=0),
+        power=light_powers.sum(axis=0) + mesh_power,
         flux_scale=float(cumulative[-1]),
         emitters=Emitters(
             cumulative=cumulative,
-            weight=(light_powers / np.where(largest > 0.0, largest, 1.0)).astype(np.float32),
+            weight=(colors / np.where(largest > 0.0, largest, 1.0)).astype(np.float32),
             areas=areas,
             points=points,
             suns=suns,
             triangles=triangles,
             box=box,
+            patterns=PatternEmitters.of(lights),
         ),
     )
 
