@@ -231,7 +231,60 @@ def _fast_lamp(of: bpy.types.Material) -> None:
     bpy.context.scene.frame_set(1)
 
 
+def _coarse_and_smooth(of: bpy.types.Material) -> None:
+    """Hang a smooth box: its shading normals are far from its faces' own."""
+    data = box_mesh((0.8, 0.8, 0.6), of)
+    data.shade_smooth()
+    add_object(TESTED, data, location=(0.0, 0.0, 2.0), rotation_euler=TILT)
+
+
+def _custom_normals(of: bpy.types.Material) -> None:
+    made = card(of)
+    made.data.normals_split_custom_set([(0.5, 0.3, 0.8)] * len(made.data.loops))
+
+
+def _without_material(of: bpy.types.Material) -> None:
+    add_object(TESTED, card_mesh(0.45), location=ABOVE, rotation_euler=TILT)
+
+
+def _empty_slot(of: bpy.types.Material) -> None:
+    made = card(of)
+    made.data.materials.clear()
+    made.data.materials.append(None)
+
+
+def _smoothed_by_angle(of: bpy.types.Material) -> None:
+    made = ball(of)
+    made.data.set_sharp_from_angle(angle=0.1)
+
+
+def _turned_over(of: bpy.types.Material) -> None:
+    """Hang a ball that is inside out."""
+    ball(of).data.flip_normals()
+
+
+def _fluffy_mesh(of: bpy.types.Material) -> None:
+    """Hang a card whose mesh has loose edges and points, which render nothing."""
+    data = mesh(TESTED, [(-0.4, -0.4, 0), (0.4, -0.4, 0), (0, 0.4, 0), (0, 0, 0.5), (0.2, 0.2, 0.6)], [(0, 1, 2)], of)
+    data.edges.add(1)
+    data.edges[-1].vertices = (3, 4)
+    add_object(TESTED, data, location=ABOVE)
+
+
+def _grease_pencil(of: bpy.types.Material) -> None:
+    bpy.ops.object.grease_pencil_add(type="MONKEY", location=(0.0, 0.0, 2.0))
+    bpy.context.object.name = TESTED
+
+
 CASES = (
+    Case("object: coarse and smooth", _in_room(_coarse_and_smooth)),
+    Case("object: custom normals", _in_room(_custom_normals)),
+    Case("object: without material", _in_room(_without_material)),
+    Case("object: empty material slot", _in_room(_empty_slot)),
+    Case("object: sharp by angle", _in_room(_smoothed_by_angle)),
+    Case("object: inside out", _in_room(_turned_over)),
+    Case("object: loose edges and points", _in_room(_fluffy_mesh)),
+    Case("object: Grease Pencil", _in_room(_grease_pencil)),
     Case("object: hair curves", _in_room(_hair)),
     Case("object: hair particles", _in_room(_particles)),
     Case("object: point cloud", _in_room(_points)),

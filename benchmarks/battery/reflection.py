@@ -3,10 +3,13 @@
 
 from __future__ import annotations
 
-from .nodes import Colour, Maker, Value, add, diffuse, emission, mix, node
+import bpy
+
+from .nodes import Colour, Maker, Tree, Value, add, diffuse, emission, mix, node
 from .stage import TESTED, Case, image, with_ball, with_card, with_floor, with_floor_and_card, with_turned_floor
 
 _CLOTH = (0.7, 0.4, 0.2)
+_DEPTH = node("LightPath", "Ray Depth")
 _GLASS = (0.9, 0.95, 1.0)
 
 
@@ -16,6 +19,41 @@ def _principled(**inputs: Value) -> Maker:
 
 def _glossy(roughness: float) -> Maker:
     return node("BsdfAnisotropic", Color=(0.9, 0.8, 0.6), Roughness=roughness, settings={"distribution": "GGX"})
+
+
+def _ggx() -> Maker:
+    return node("BsdfPrincipled", settings={"distribution": "GGX"}, Base_Color=_CLOTH, Metallic=0.6, Roughness=0.7)
+
+
+def _coated_screen() -> Maker:
+    return _principled(
+        Coat_Weight=1.0, Coat_Tint=(0.9, 0.4, 0.3), Emission_Color=(1.0, 0.8, 0.6), Emission_Strength=3.0
+    )
+
+
+def _grouped(surface: Maker) -> Maker:
+    """Return a surface inside a node group."""
+
+    def make(tree: Tree) -> bpy.types.NodeSocket:
+        group = bpy.data.node_groups.new("Group", "ShaderNodeTree")
+        group.interface.new_socket("Shader", in_out="OUTPUT", socket_type="NodeSocketShader")
+        group.links.new(surface(group), group.nodes.new("NodeGroupOutput").inputs[0])
+        holder = tree.nodes.new("ShaderNodeGroup")
+        holder.node_tree = group
+        return holder.outputs[0]
+
+    return make
+
+
+def _muted(surface: Maker) -> Maker:
+    """Return a Mix Shader that is switched off, so that its first surface counts."""
+
+    def make(tree: Tree) -> bpy.types.NodeSocket:
+        socket = mix(0.5, surface, emission((9.0, 9.0, 9.0)))(tree)
+        socket.node.mute = True
+        return socket
+
+    return make
 
 
 def _texture(output: str, alpha: bool = False) -> Maker:
@@ -100,6 +138,20 @@ CASES = (
         "mix: shadowless by Light Path",
         with_card(mix(node("LightPath", "Is Shadow Ray"), diffuse(_CLOTH), node("BsdfTransparent"))),
     ),
+    Case(
+        "mix: shining by Light Path, diffuse ray",
+        with_card(mix(node("LightPath", "Is Diffuse Ray"), diffuse(_CLOTH), emission((4.0, 3.0, 2.0)))),
+    ),
+    Case(
+        "mix: by Light Path, ray depth",
+        with_floor(diffuse(node("Math", settings={"operation": "MULTIPLY"}, Value=0.4, Value_001=_DEPTH))),
+    ),
+    Case("mix: factor above 1", with_card(mix(1.7, diffuse(_CLOTH), diffuse((0.1, 0.3, 0.8))))),
+    Case("mix: in a node group", with_floor(_grouped(mix(0.3, diffuse(_CLOTH), diffuse((0.1, 0.3, 0.8)))))),
+    Case("mix: muted", with_floor(_muted(diffuse(_CLOTH)))),
+    Case("mix: diffuse added to diffuse, above 1", with_card(add(diffuse((0.8, 0.8, 0.8)), diffuse((0.7, 0.1, 0.1))))),
+    Case("mix: nothing in the second place", with_floor(node("MixShader", Fac=0.4, Shader=diffuse(_CLOTH)))),
+    Case("mix: black, negative light", with_card(emission((2.0, 1.0, 1.0), -1.0))),
     Case("mix: diffuse added to glossy", with_floor(add(diffuse((0.3, 0.2, 0.1)), _glossy(0.3)))),
     Case("mix: emission and diffuse by image", with_card(mix(_number(), diffuse(_CLOTH), emission((4.0, 3.0, 2.0))))),
 )

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import bpy
 
-from .nodes import emission, material
+from .nodes import emission, material, node, set_world
 from .stage import GREEN, TESTED, Case, card, lamp, plain, room
 
 
@@ -58,7 +58,70 @@ def _light_tree(scene: bpy.types.Scene) -> None:
     lamp("POINT", "Second", (-0.8, 0.6, 2.4), energy=20.0)
 
 
+def _world_of_layer(**switches: bool) -> Callable[[bpy.types.Scene], None]:
+    """Return what lights a scene by its world too, and switches parts of the view layer."""
+
+    def change(scene: bpy.types.Scene) -> None:
+        set_world(TESTED, node("Background", Color=(0.4, 0.6, 0.9)))
+        for name, value in switches.items():
+            setattr(scene.view_layers[0], name, value)
+
+    return change
+
+
+def _world_override(scene: bpy.types.Scene) -> None:
+    first = set_world(TESTED, node("Background", Color=(0.1, 0.6, 0.9)))
+    set_world("Other", node("Background", Color=(0.9, 0.2, 0.1)))
+    scene.view_layers[0].world_override = first
+
+
+def _world_unseen(scene: bpy.types.Scene) -> None:
+    set_world(TESTED, node("Background", Color=(0.4, 0.6, 0.9))).cycles_visibility.diffuse = False
+
+
+def _world_few_bounces(scene: bpy.types.Scene) -> None:
+    set_world(TESTED, node("Background", Color=(0.4, 0.6, 0.9))).cycles.max_bounces = 0
+
+
+def _lamp_few_bounces(scene: bpy.types.Scene) -> None:
+    lamp("POINT", TESTED, (-0.8, 0.6, 2.4), energy=60.0).data.cycles.max_bounces = 0
+
+
+def _lamp_without_mis(scene: bpy.types.Scene) -> None:
+    lamp("POINT", TESTED, (-0.8, 0.6, 2.4), energy=60.0).data.cycles.use_multiple_importance_sampling = False
+
+
+def _transparent_film(scene: bpy.types.Scene) -> None:
+    set_world(TESTED, node("Background", Color=(0.4, 0.6, 0.9)))
+    scene.render.film_transparent = True
+
+
+def _simplified(scene: bpy.types.Scene) -> None:
+    modifier = bpy.data.objects[TESTED].modifiers.new("Subdivision", "SUBSURF")
+    modifier.render_levels = 3
+    scene.render.use_simplify, scene.render.simplify_subdivision_render = True, 0
+
+
+def _frame(scene: bpy.types.Scene) -> None:
+    """Let a lamp grow brighter over time, and the scene stand at its end."""
+    data = lamp("POINT", TESTED, (-0.8, 0.6, 2.4), energy=1.0).data
+    data.keyframe_insert("energy", frame=1)
+    data.energy = 80.0
+    data.keyframe_insert("energy", frame=10)
+    scene.frame_set(10)
+
+
 CASES = (
+    Case("setting: view layer without sky", _room_with(_world_of_layer(use_sky=False))),
+    Case("setting: view layer without ambient occlusion", _room_with(_world_of_layer(use_ao=False))),
+    Case("setting: world of the view layer", _room_with(_world_override)),
+    Case("setting: world hidden from diffuse rays", _room_with(_world_unseen)),
+    Case("setting: world of no bounces", _room_with(_world_few_bounces)),
+    Case("setting: lamp of no bounces", _room_with(_lamp_few_bounces)),
+    Case("setting: lamp without multiple importance", _room_with(_lamp_without_mis)),
+    Case("setting: transparent film", _room_with(_transparent_film)),
+    Case("setting: simplify", _room_with(_simplified)),
+    Case("setting: a later frame", _room_with(_frame)),
     Case("setting: film exposure and view transform", _room_with(_film)),
     Case("setting: clamping, fast GI, few bounces", _room_with(_biased)),
     Case("setting: units", _room_with(_units)),

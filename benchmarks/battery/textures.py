@@ -54,6 +54,32 @@ def _plain_image(colorspace: str) -> Callable[[], object]:
     return build
 
 
+def _image_with_holes() -> None:
+    """Lay a floor of an image's colours, whose alpha nobody asks for."""
+    picture = {"image": image(TESTED, alpha=True), "interpolation": "Closest"}
+    room(material(TESTED, diffuse(node("TexImage", settings=picture))))
+
+
+def _second_map(named: bool) -> Callable[[], object]:
+    """Return what makes a floor of two UV maps: renders take the second, editing the first, nodes which they name."""
+
+    def build() -> None:
+        at = {"Vector": node("UVMap", settings={"uv_map": "UVMap"})} if named else {}
+        room(material(TESTED, diffuse(node("TexImage", settings={"image": image(TESTED)}, **at))))
+        data = bpy.data.meshes[TESTED]
+        second = data.uv_layers.new(name="Second")
+        second.uv.foreach_set("vector", np.full(8, 0.1, dtype=np.float32))
+        second.active_render = True
+
+    return build
+
+
+def _missing_image() -> None:
+    picture = bpy.data.images.new(TESTED, 4, 4)
+    picture.source, picture.filepath = "FILE", "/nowhere/missing.png"
+    room(material(TESTED, diffuse(node("TexImage", settings={"image": picture}))))
+
+
 def _coloured_floor(domain: str, kind: str) -> Callable[[], object]:
     """Return what makes a floor coloured by an attribute of its mesh."""
 
@@ -161,6 +187,10 @@ CASES = (
     Case("texture: image by Generated", _image_floor(vector=node("TexCoord", "Generated"))),
     Case("texture: image, box projection", _image_floor(projection="BOX", projection_blend=0.2)),
     Case("texture: image, non-colour", _plain_image("Non-Color")),
+    Case("texture: image, colour beside holes", _image_with_holes),
+    Case("texture: image on the render's UV map", _second_map(False)),
+    Case("texture: image on a named UV map", _second_map(True)),
+    Case("texture: image that is missing", _missing_image),
     Case("texture: noise", _coloured(lambda: node("TexNoise", "Color", Scale=2.0))),
     Case("texture: checker", _coloured(_checker)),
     Case("texture: brick", _coloured(lambda: node("TexBrick", Color1=_SAND, Color2=_BLUE, Scale=2.0))),
