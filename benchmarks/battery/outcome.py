@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import bpy
@@ -31,7 +31,7 @@ both kinds of light)."""
 CASE_FALSE_ALARM = FALSE_ALARM / (len(CASES) * len(LIGHTS))
 """The same for one comparison."""
 
-DEFAULT = Effort(bakes=16, photons=1 << 16, points=32)
+DEFAULT = Effort(bakes=16, photons=1 << 17, points=32)
 QUICK = Effort(bakes=12, photons=1 << 14, points=12)
 
 Status = Literal["pass", "named", "FAIL"]
@@ -92,7 +92,8 @@ def run(case: Case, effort: Effort, seed: int = 1, factor: float = 1.0) -> Outco
     notices = tuple(str(notice) for notice in baked.notices if TESTED in notice.subject)
     verdicts, found = {}, {}
     for index, light in enumerate(LIGHTS):
-        points = ask_cycles(effort, len(LIGHTS) * seed + index, light)
+        paths = effort.samples * (case.paths if light == "INDIRECT" else 1)
+        points = ask_cycles(replace(effort, samples=paths), len(LIGHTS) * seed + index, light)
         verdicts[light] = compare_cells(CELLS, factor * baked.light[light], points)
         found[light] = not passed(compare_cells(CELLS, 1.03 * factor * baked.light[light], points))
     return Outcome(case.name, verdicts, found, notices)

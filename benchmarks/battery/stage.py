@@ -40,10 +40,13 @@ class Case:
         Group, colon, feature.
     build
         Fills the empty scene.
+    paths
+        How many times as many paths of indirect light Cycles needs, to find what mirrors and glass throw.
     """
 
     name: str
     build: Callable[[], object]
+    paths: int = 1
 
 
 def add_object(name: str, data: bpy.types.ID | None, **values: object) -> bpy.types.Object:
