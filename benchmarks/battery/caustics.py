@@ -10,6 +10,7 @@ import bpy
 from .nodes import Maker, material, node
 from .stage import TESTED, Case, add_object, ball, box_mesh, card, floor, lamp, plain, walls
 
+_PATHS = 8
 _MIRROR = node("BsdfAnisotropic", Color=(0.95, 0.9, 0.85), Roughness=0.0)
 _GLASS = node("BsdfGlass", Color=(1.0, 1.0, 1.0), Roughness=0.0, IOR=1.5)
 
@@ -45,10 +46,10 @@ def _absorbing() -> Maker:
 
 
 CASES = (
-    Case("caustic: mirror", _scene(_mirror, _MIRROR)),
-    Case("caustic: glass ball", _scene(_ball, _GLASS)),
-    Case("caustic: glass slab", _scene(_slab, _GLASS)),
-    Case("caustic: coloured rough glass", _scene(_ball, _absorbing())),
+    Case("caustic: mirror", _scene(_mirror, _MIRROR), _PATHS),
+    Case("caustic: glass ball", _scene(_ball, _GLASS), _PATHS),
+    Case("caustic: glass slab", _scene(_slab, _GLASS), _PATHS),
+    Case("caustic: coloured rough glass", _scene(_ball, _absorbing()), _PATHS),
     Case("caustic: reflective ones off, mirror", _scene(_mirror, _MIRROR, caustics_reflective=False)),
     Case("caustic: refractive ones off, glass", _scene(_ball, _GLASS, caustics_refractive=False)),
     Case(

@@ -84,8 +84,8 @@ def run(case: Case, effort: Effort, seed: int = 1, factor: float = 1.0) -> Outco
     seed = seed * 100_000 + zlib.crc32(case.name.encode()) % 100_000
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     bpy.context.scene.cycles.glossy_bounces = bpy.context.scene.cycles.transmission_bounces = 12
-    case.build()
     try:
+        case.build()
         baked = bake_scene(effort, seed)
     except Exception as error:  # whatever it is: the case fails, the others go on
         return Outcome(case.name, error=f"{type(error).__name__}: {error}")

@@ -10,6 +10,7 @@ from .stage import TESTED, Case, image, with_ball, with_card, with_floor, with_f
 
 _CLOTH = (0.7, 0.4, 0.2)
 _DEPTH = node("LightPath", "Ray Depth")
+_SPECULAR = 6
 _GLASS = (0.9, 0.95, 1.0)
 
 
@@ -92,13 +93,35 @@ CASES = (
     Case("surface: Principled, coat", with_floor_and_card(_principled(Coat_Weight=1.0, Coat_Tint=(0.9, 0.6, 0.5)))),
     Case("surface: Principled, sheen", with_floor_and_card(_principled(Sheen_Weight=1.0, Sheen_Roughness=0.4))),
     Case("surface: Principled, diffuse roughness 1", with_floor_and_card(_principled(Diffuse_Roughness=1.0))),
-    Case("surface: Principled, transmission rough 0", with_ball(_principled(Transmission_Weight=1.0, Roughness=0.0))),
-    Case("surface: Principled, transmission rough 0.5", with_ball(_principled(Transmission_Weight=1.0, Roughness=0.5))),
-    Case("surface: Principled, half transmission", with_ball(_principled(Transmission_Weight=0.5, Roughness=0.2))),
+    Case(
+        "surface: Principled, transmission rough 0",
+        with_ball(_principled(Transmission_Weight=1.0, Roughness=0.0)),
+        paths=_SPECULAR,
+    ),
+    Case(
+        "surface: Principled, transmission rough 0.5",
+        with_ball(_principled(Transmission_Weight=1.0, Roughness=0.5)),
+        paths=_SPECULAR,
+    ),
+    Case(
+        "surface: Principled, half transmission",
+        with_ball(_principled(Transmission_Weight=0.5, Roughness=0.2)),
+        paths=_SPECULAR,
+    ),
     Case(
         "surface: Principled, subsurface",
         with_ball(_principled(Subsurface_Weight=1.0, Subsurface_Scale=0.05, Subsurface_Radius=(1.0, 0.4, 0.2))),
     ),
+    Case(
+        "surface: Principled, thin wall",
+        with_card(_principled(Transmission_Weight=0.8, Thin_Wall=True)),
+        paths=_SPECULAR,
+    ),
+    Case("surface: Principled, GGX", with_floor_and_card(_ggx())),
+    Case(
+        "surface: Principled, specular tint", with_floor_and_card(_principled(Specular_Tint=(1.0, 0.3, 0.1), IOR=2.0))
+    ),
+    Case("surface: Principled, coat over emission", with_card(_coated_screen())),
     Case(
         "surface: Principled, emission", with_card(_principled(Emission_Color=(1.0, 0.6, 0.3), Emission_Strength=30.0))
     ),
@@ -106,17 +129,17 @@ CASES = (
     Case("surface: Principled, thin film", with_floor(_principled(Thin_Film_Thickness=500.0, Roughness=0.2))),
     Case("surface: Principled, alpha 0.5", with_card(_principled(Alpha=0.5))),
     Case("surface: Principled, alpha by image", with_card(_principled(Alpha=_number()))),
-    Case("surface: Glossy, rough 0", with_floor_and_card(_glossy(0.0))),
+    Case("surface: Glossy, rough 0", with_floor_and_card(_glossy(0.0)), paths=_SPECULAR),
     Case("surface: Glossy, rough 0.2", with_floor_and_card(_glossy(0.2))),
     Case("surface: Glossy, rough 0.8", with_floor_and_card(_glossy(0.8))),
     Case("surface: Metallic BSDF", with_floor_and_card(node("BsdfMetallic", Roughness=0.3))),
     Case("surface: Sheen BSDF", with_floor_and_card(node("BsdfSheen", Color=_CLOTH, Roughness=0.5))),
     Case("surface: Toon", with_floor(node("BsdfToon", Color=_CLOTH, Size=0.5, Smooth=0.2))),
     Case("surface: Subsurface Scattering", with_ball(node("SubsurfaceScattering", Color=_CLOTH, Scale=0.05))),
-    Case("surface: Glass, ball", with_ball(_rough("BsdfGlass", 0.0))),
-    Case("surface: Glass, rough 0.4", with_ball(_rough("BsdfGlass", 0.4))),
-    Case("surface: Glass, card", with_card(_rough("BsdfGlass", 0.0))),
-    Case("surface: Refraction, rough 0.1", with_ball(_rough("BsdfRefraction", 0.1))),
+    Case("surface: Glass, ball", with_ball(_rough("BsdfGlass", 0.0)), paths=_SPECULAR),
+    Case("surface: Glass, rough 0.4", with_ball(_rough("BsdfGlass", 0.4)), paths=_SPECULAR),
+    Case("surface: Glass, card", with_card(_rough("BsdfGlass", 0.0)), paths=_SPECULAR),
+    Case("surface: Refraction, rough 0.1", with_ball(_rough("BsdfRefraction", 0.1)), paths=_SPECULAR),
     Case("surface: Translucent", with_floor_and_card(node("BsdfTranslucent", Color=_CLOTH))),
     Case("surface: Transparent, coloured", with_card(node("BsdfTransparent", Color=(0.8, 0.3, 0.1)))),
     Case("mix: diffuse and glossy, 0.4", with_floor_and_card(mix(0.4, diffuse(_CLOTH), _glossy(0.2)))),
