@@ -31,8 +31,8 @@ both kinds of light)."""
 CASE_FALSE_ALARM = FALSE_ALARM / (len(CASES) * len(LIGHTS))
 """The same for one comparison."""
 
-DEFAULT = Effort(bakes=16, photons=1 << 17, points=32)
-QUICK = Effort(bakes=12, photons=1 << 14, points=12)
+DEFAULT = Effort(bakes=32, photons=1 << 16, points=32)
+QUICK = Effort(bakes=16, photons=1 << 15, points=12)
 
 Status = Literal["pass", "named", "FAIL"]
 
