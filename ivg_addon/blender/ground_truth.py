@@ -26,7 +26,7 @@ Float64 = NDArray[np.float64]
 Component = Literal["INDIRECT", "DIRECT", "ALL"]
 
 BATCHES = 8
-"""Independent bakes; how much they scatter is the standard error."""
+"""Independent bakes, unless told otherwise; how much they scatter is the standard error."""
 
 _HALF_QUAD = 1e-4
 """Half of a quad's edge, as a share of the largest coordinate: enough that rounding does not turn it."""
@@ -87,6 +87,7 @@ def irradiance_steps(
     samples: int = 1024,
     bounces: int = 12,
     seed: int = 0,
+    batches: int = BATCHES,
 ) -> Generator[Progress, None, Measured]:
     """Measure irradiance by Cycles, one bake a step; the file is as it was whenever this yields, ends or fails.
 
@@ -100,9 +101,11 @@ def irradiance_steps(
         "INDIRECT": light after at least one bounce, what a grid holds; "DIRECT": straight from lights, emissive
         surfaces and the world; "ALL": both.
     samples
-        Paths per point, in eight independent batches; rounded up to a multiple of 32.
+        Paths per point, in independent batches; rounded up to a multiple of four times their number.
     bounces
         Most bounces of light before it arrives.
+    batches
+        Two or more; few where the scatter over many points tells more than that over the batches of each.
 
     Raises
     ------
@@ -113,14 +116,14 @@ def irradiance_steps(
     """
     p, n = _checked(points, normals)
     layer_name = (view_layer or _view_layer(scene)).name
-    per_corner = max(1, math.ceil(samples / (BATCHES * _CORNERS)))
-    batches = []
-    for batch in range(BATCHES):
-        yield Progress(f"Asking Cycles at {len(p):,} points", batch / BATCHES)
-        batches.append(
-            _bake(scene, scene.view_layers[layer_name], p, n, component, per_corner, bounces, BATCHES * seed + batch)
+    per_corner = max(1, math.ceil(samples / (batches * _CORNERS)))
+    found = []
+    for batch in range(batches):
+        yield Progress(f"Asking Cycles at {len(p):,} points", batch / batches)
+        found.append(
+            _bake(scene, scene.view_layers[layer_name], p, n, component, per_corner, bounces, batches * seed + batch)
         )
-    return Measured(*mean_and_error(batches))
+    return Measured(*mean_and_error(found))
 
 
 def _checked(points: ArrayLike, normals: ArrayLike) -> tuple[Float64, Float64]:

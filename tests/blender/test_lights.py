@@ -11,7 +11,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from benchmarks.light_cases import CASES  # noqa: E402
-from benchmarks.light_proof import FALSE_ALARM, QUICK, prove  # noqa: E402
+from benchmarks.lights import FALSE_ALARM, QUICK, prove  # noqa: E402
 from ivg_addon.blender.export_lights import export_lights  # noqa: E402
 from ivg_addon.blender.light_linking import LinkingReader  # noqa: E402
 from ivg_addon.core.light_rules import LightRules  # noqa: E402
@@ -373,9 +373,9 @@ def test_volume_of_a_world_is_left_out_by_name() -> None:
 
 @pytest.mark.parametrize("case", CASES, ids=[case.name for case in CASES])
 def test_shines_as_in_cycles(case) -> None:
-    """Irradiance of 245 dual cells towards six axes; false alarms as stated in `light_proof`."""
+    """Irradiance of 245 dual cells towards six axes; false alarms as stated in `benchmarks.lights`."""
     verdict = prove(case, QUICK)
-    assert verdict.passed, verdict
+    assert verdict.p >= FALSE_ALARM, verdict
 
 
 def test_a_light_of_three_per_cent_too_much_power_fails() -> None:
