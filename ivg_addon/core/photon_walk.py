@@ -20,12 +20,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .dual_cells import Lattice
-from .embree import Tracer
+from .embree import Hits, Tracer
 from .emission import Emission, leave_darkness
+from .lobe_scattering import MOST_PASSAGES, scatter_at_lobes
 from .progress import Progress
 from .restricted_light import RestrictedLight
 from .scattering import ABSORBED, CUT, ENERGY_STEPS, ESCAPED, scatter
-from .scene import Int32
+from .scene import Float32, Int32
 from .settings import BakeSettings
 from .surface_bins import SurfaceBins
 from .surfaces import Surfaces
@@ -74,8 +75,8 @@ class Course:
     emission
         Where photons come from.
     first, later
-        What blocks a photon before and after its first bounce. Objects that diffuse rays do not
-        see cast shadows all the same, so the two can differ.
+        What blocks a photon before and after its first bounce; to pass a transparent surface is none.
+        Objects that diffuse rays do not see cast shadows all the same, so the two can differ.
     surfaces, bins
         What photons scatter at, and where they are counted.
     restricted
@@ -96,7 +97,9 @@ class _Worker:
     def __init__(self, course: Course, lattice: Lattice, settings: BakeSettings) -> None:
         self.course = course
         self.settings = settings
-        self.tally = Tally.empty(lattice, settings.estimator, settings.photons, settings.bounces)
+        self.some_pass = bool(course.surfaces.lobes.lets_pass.any())
+        self.most_flights = settings.bounces + 1 + (MOST_PASSAGES if self.some_pass else 0)
+        self.tally = Tally.empty(lattice, settings.estimator, settings.photons, self.most_flights - 1)
         self.bin_counts = course.bins.empty_counts()
         self.energy = np.zeros((3, 3), dtype=np.int64)
         self.rays = 0
@@ -106,6 +109,8 @@ class _Worker:
         self.directions = np.empty((BATCH, 3), dtype=np.float32)
         self.weights = np.empty((BATCH, 3), dtype=np.float32)
         self.dark = np.empty(BATCH, dtype=np.float32)
+        self.bounces = np.empty(BATCH, dtype=np.int16)
+        self.waiting = np.empty((BATCH, 2), dtype=np.int32)
 
     def fly(self, batch: int, stop: threading.Event) -> int:
         """Trace one batch to its end, or until `stop`; return how many photons it had."""
@@ -120,58 +125,75 @@ class _Worker:
             self.weights[:size],
             self.dark[:size],
         )
+        self.bounces[:size] = 0
         alive = size
-        for bounce in range(self.settings.bounces + 1):
+        for flight in range(self.most_flights):
             if alive == 0 or stop.is_set():
                 break
-            alive = self._advance(bounce, self._allowed(bounce, alive))
+            alive = self._advance(flight, self._allowed(flight, alive))
         return size
 
-    def _allowed(self, bounce: int, n: int) -> int:
+    def _allowed(self, flight: int, n: int) -> int:
         """Take out what has bounced as often as its light may; return how many are left."""
         rules = self.course.restricted
-        if bounce == 0 or rules is None or not rules.ends:
+        if flight == 0 or rules is None or not rules.ends:
             return n
-        origins, directions, weights = self.origins[:n], self.directions[:n], self.weights[:n]
-        return rules.end(bounce, self.settings.seed, self.photons[:n], origins, directions, weights, self.energy)
+        return rules.end(
+            self.settings.seed,
+            self.photons[:n],
+            self.origins[:n],
+            self.directions[:n],
+            self.weights[:n],
+            self.bounces[:n],
+            self.dark[:n],
+            self.energy,
+        )
 
-    def _advance(self, bounce: int, n: int) -> int:
+    def _advance(self, flight: int, n: int) -> int:
         """Let n photons fly to their next hit and scatter there; return how many survive."""
-        tracer = self.course.first if bounce == 0 else self.course.later
+        course, settings = self.course, self.settings
         origins, directions, weights = self.origins[:n], self.directions[:n], self.weights[:n]
+        bounces, dark = self.bounces[:n], self.dark[:n]
+        # Who has only passed transparent surfaces has not bounced: still direct light.
+        may_be_direct = flight == 0 or self.some_pass
         start = time.perf_counter()
-        hits = tracer.intersect(origins, directions)
+        hits = self._intersect(flight, origins, directions)
         self.embree_seconds += time.perf_counter() - start
         self.rays += n
         factor = None
-        rules = self.course.restricted
-        if bounce == 0 and rules is not None and rules.chooses:
-            factor = rules.follow(
-                tracer, self.settings.seed, self.photons[:n], origins, directions, self.dark[:n], hits
+        rules = course.restricted
+        if flight == 0 and rules is not None and rules.chooses:
+            factor = rules.follow(course.first, settings.seed, self.photons[:n], origins, directions, dark, hits)
+        if may_be_direct and course.emission.flies_dark:
+            surfaces = course.surfaces
+            leave_darkness(
+                origins, directions, dark, hits.triangle, hits.distance, surfaces.material, surfaces.lobes.lets_pass
             )
-        if bounce == 0 and self.course.emission.flies_dark:
-            leave_darkness(origins, directions, self.dark[:n], hits.triangle, hits.distance)
-        if bounce > 0 or self.settings.include_direct:
+        if settings.include_direct or not may_be_direct:
             self.tally.deposit(origins, directions, weights, hits.distance)
+        elif flight > 0:
+            self.tally.deposit(origins, directions, weights, np.where(bounces > 0, hits.distance, np.float32(0)))
         if factor is not None:
             weights *= factor[:, None]
-        return int(
-            scatter(
-                self.photons[:n],
-                origins,
-                directions,
-                weights,
-                hits.triangle,
-                hits.u,
-                hits.v,
-                self.settings.seed,
-                bounce,
-                bounce == self.settings.bounces,
-                self.course.surfaces,
-                self.bin_counts,
-                self.energy,
-            )
-        )
+        scene = (hits.triangle, hits.u, hits.v, settings.seed, flight, settings.bounces, course.surfaces)
+        photons = (self.photons[:n], origins, directions, weights, bounces, dark)
+        sums = (self.bin_counts, self.energy, self.waiting)
+        alive, late = scatter(*photons, *scene, *sums)
+        if late:
+            alive = scatter_at_lobes(*photons, *scene, *sums, alive, late)
+        return int(alive)
+
+    def _intersect(self, flight: int, origins: Float32, directions: Float32) -> Hits:
+        """Return the photons' hits: before their first bounce on what blocks direct light, then on the rest."""
+        first, later = self.course.first, self.course.later
+        if flight == 0 or first is later or not self.some_pass:
+            return (first if flight == 0 else later).intersect(origins, directions)
+        direct = self.bounces[: len(origins)] == 0
+        hits = later.intersect(origins, directions)
+        passed = first.intersect(origins[direct], directions[direct])
+        for name in ("triangle", "u", "v", "distance"):
+            getattr(hits, name)[direct] = getattr(passed, name)
+        return hits
 
 
 def thread_count(settings: BakeSettings) -> int:

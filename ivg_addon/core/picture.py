@@ -169,7 +169,7 @@ def meet(seen, directions, triangle, hit_u, hit_v, surfaces, points, normals, al
         for axis in range(3):
             points[row, axis] = (1.0 - u - v) * p[axis] + u * q[axis] + v * r[axis]
         # The textures' arrays are touched only where there is one: Numba counts references to them.
-        m = surfaces.material[t]
+        m = surfaces.back[surfaces.material[t]] if away else surfaces.material[t]
         rho = (float(surfaces.albedo[m, 0]), float(surfaces.albedo[m, 1]), float(surfaces.albedo[m, 2]))
         if surfaces.texture[m] != NO_TEXTURE:
             a, b = texture_coordinates(surfaces.uvs, t, u, v)

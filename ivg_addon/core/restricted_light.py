@@ -92,18 +92,18 @@ class RestrictedLight:
 
     def end(
         self,
-        bounce: int,
         seed: int,
         photons: NDArray[np.int64],
         origins: Float32,
         directions: Float32,
         weights: Float32,
+        bounces: NDArray[np.int16],
+        dark: Float32,
         energy: NDArray[np.int64],
     ) -> int:
-        """Take out photons whose light does not go on after so many bounces; return how many are left, at the front."""
-        return int(
-            end_photons(bounce, seed, self.cumulative, self.limit, photons, origins, directions, weights, energy)
-        )
+        """Take out photons whose light does not go on after their bounces; return how many are left, at the front."""
+        flights = (origins, directions, weights, bounces, dark)
+        return int(end_photons(seed, self.cumulative, self.limit, photons, *flights, energy))
 
     def follow(
         self,
@@ -238,16 +238,18 @@ def draw(seed, photons, numbers):
 
 
 @kernel
-def end_photons(bounce, seed, cumulative, limit, photons, origins, directions, weights, energy):
+def end_photons(seed, cumulative, limit, photons, origins, directions, weights, bounces, dark, energy):
     """Move photons whose light goes on to the front; return their number. Others count as cut."""
     alive = 0
     for i in range(len(photons)):
         coarse, fine, _, _ = random4(seed, photons[i], STREAM_EMISSION)
-        if limit[pick(cumulative, coarse, fine)] < bounce:
+        if limit[pick(cumulative, coarse, fine)] < bounces[i]:
             for channel in range(3):
                 energy[CUT, channel] += np.int64(weights[i, channel] * ENERGY_STEPS)
             continue
         photons[alive] = photons[i]
+        bounces[alive] = bounces[i]
+        dark[alive] = dark[i]
         for axis in range(3):
             origins[alive, axis] = origins[i, axis]
             directions[alive, axis] = directions[i, axis]

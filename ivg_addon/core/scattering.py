@@ -1,5 +1,7 @@
 """A photon meets a surface: diffuse reflection and Russian roulette.
 
+Where there are lobes besides the diffuse one `lobe_scattering` takes over.
+
 A photon of weight w arrives along −ω at a surface of albedo ρ with geometric normal g and shading
 normal s, both on the side it arrives at. It is reflected with density cos θ/π around g and weight
 
@@ -41,15 +43,18 @@ def scatter(
     origins,
     directions,
     weights,
+    bounces,
+    dark,
     hit_triangle,
     hit_u,
     hit_v,
     seed,
-    bounce,
-    last,
+    flight,
+    most_bounces,
     surfaces,
     bin_counts,
     energy,
+    waiting,
 ):
     """Scatter n photons at their hits; survivors move to the front of the arrays.
 
@@ -59,51 +64,70 @@ def scatter(
         Indices, which address the random numbers.
     origins, directions, weights : (n, 3) float32
         The flights that ended; changed in place into the survivors' next flights.
+    bounces : (n,) int16
+        How often each has bounced; changed in place.
+    dark : (n,) float32
+        See `emission.leave_darkness`; moved with the survivors.
     hit_triangle : (n,) int32, hit_u, hit_v : (n,) float32
         From `embree.Tracer.intersect`.
     seed
         Key of the random numbers.
-    bounce
-        Bounces that the photons had before this one.
-    last
-        True when no further flight follows.
+    flight
+        Flights that the photons had before the one that ended.
+    most_bounces
+        After so many bounces no further one follows.
     surfaces : Surfaces
     bin_counts : (patches, 2) int32
         Photons received per patch and side; changed in place.
     energy : (3, 3) int64
         Rows `ESCAPED`, `ABSORBED`, `CUT` by channel, in `ENERGY_STEPS`; changed in place.
 
+    waiting : (n, 2) int32
+        Filled with the photons that met surfaces with lobes: their row among the survivors, where `lobe_scattering`
+        finds the flight that ended (but its origin), and the row of their hit.
+
     Returns
     -------
-    int
-        The number of survivors.
+    alive, late : int
+        The number of survivors, waiting ones included, and that of those that wait.
     """
     vertices, triangles, planes = surfaces.vertices, surfaces.triangles, surfaces.planes
     smooth, material, reflects = surfaces.smooth, surfaces.material, surfaces.reflects
-    albedo, texture = surfaces.albedo, surfaces.texture
+    albedo, texture, back, has_lobes = surfaces.albedo, surfaces.texture, surfaces.back, surfaces.lobes.scatters
     bin_divisions, bin_offset = surfaces.bin_divisions, surfaces.bin_offset
     landed = np.empty(len(photons), dtype=np.int64)
     hits = 0
     alive = 0
+    late = 0
     for ray in range(len(photons)):
         triangle = hit_triangle[ray]
         w0, w1, w2 = float(weights[ray, 0]), float(weights[ray, 1]), float(weights[ray, 2])
         if triangle == MISS:
-            _add_energy(energy, ESCAPED, w0, w1, w2)
+            add_energy(energy, ESCAPED, w0, w1, w2)
+            continue
+        surface = material[triangle]
+        dx, dy, dz = float(directions[ray, 0]), float(directions[ray, 1]), float(directions[ray, 2])
+        if has_lobes[surface]:
+            waiting[late, 0], waiting[late, 1] = alive, ray
+            late += 1
+            photons[alive], bounces[alive], dark[alive] = photons[ray], bounces[ray], dark[ray]
+            store(directions, alive, dx, dy, dz)
+            store(weights, alive, w0, w1, w2)
+            alive += 1
             continue
         u, v = float(hit_u[ray]), float(hit_v[ray])
         gx, gy, gz = float(planes[triangle, 0]), float(planes[triangle, 1]), float(planes[triangle, 2])
-        dx, dy, dz = float(directions[ray, 0]), float(directions[ray, 1]), float(directions[ray, 2])
         cos_g = -(dx * gx + dy * gy + dz * gz)
         side = FRONT if cos_g > 0.0 else BACK
         landed[hits] = 2 * patch_of(triangle, u, v, bin_divisions, bin_offset) + side
         hits += 1
         if not reflects[triangle]:
-            _add_energy(energy, ABSORBED, w0, w1, w2)
+            add_energy(energy, ABSORBED, w0, w1, w2)
             continue
 
         # The textures' arrays are touched only where there is one: Numba counts references to them.
-        surface = material[triangle]
+        if side == BACK:
+            surface = back[surface]
         red, green, blue = float(albedo[surface, 0]), float(albedo[surface, 1]), float(albedo[surface, 2])
         if texture[surface] != NO_TEXTURE:
             s, t = texture_coordinates(surfaces.uvs, triangle, u, v)
@@ -120,12 +144,12 @@ def scatter(
             # Grazing hits on a coarse smooth mesh, several in a row: too rare to be measured.
             cap = WEIGHT_LIMIT / largest
             r0, r1, r2, largest = r0 * cap, r1 * cap, r2 * cap, WEIGHT_LIMIT
-        _add_energy(energy, ABSORBED, w0 - r0, w1 - r1, w2 - r2)
-        if last:
-            _add_energy(energy, CUT, r0, r1, r2)
+        add_energy(energy, ABSORBED, w0 - r0, w1 - r1, w2 - r2)
+        if bounces[ray] >= most_bounces:
+            add_energy(energy, CUT, r0, r1, r2)
             continue
         survival = min(1.0, largest)
-        xi_u, xi_v, xi_survival, _ = random4(seed, photons[ray], STREAM_SCATTER + bounce)
+        xi_u, xi_v, xi_survival, _ = random4(seed, photons[ray], STREAM_SCATTER + flight)
         if xi_survival >= survival:
             continue
 
@@ -140,20 +164,20 @@ def scatter(
         z = w * p[2] + u * q[2] + v * r[2]
         away = offset_distance(x, y, z, float(planes[triangle, 3]))
         ox, oy, oz = cosine_direction(gx, gy, gz, xi_u, xi_v)
-        photons[alive] = photons[ray]
-        _store(origins, alive, x + away * gx, y + away * gy, z + away * gz)
-        _store(directions, alive, ox, oy, oz)
-        _store(weights, alive, r0 / survival, r1 / survival, r2 / survival)
+        photons[alive], bounces[alive], dark[alive] = photons[ray], bounces[ray] + 1, 0.0
+        store(origins, alive, x + away * gx, y + away * gy, z + away * gz)
+        store(directions, alive, ox, oy, oz)
+        store(weights, alive, r0 / survival, r1 / survival, r2 / survival)
         alive += 1
     # In a loop of their own, where the processor waits for many of these places in memory at a time.
     counts = bin_counts.reshape(-1)
     for hit in range(hits):
         counts[landed[hit]] += 1
-    return alive
+    return alive, late
 
 
 @merged
-def _store(rows, row, x, y, z):
+def store(rows, row, x, y, z):
     """Write one float32 row."""
     rows[row, 0] = np.float32(x)
     rows[row, 1] = np.float32(y)
@@ -161,7 +185,7 @@ def _store(rows, row, x, y, z):
 
 
 @merged
-def _add_energy(energy, row, red, green, blue):
+def add_energy(energy, row, red, green, blue):
     """Add a weight to one row of the energy sums."""
     energy[row, 0] += np.int64(red * ENERGY_STEPS)
     energy[row, 1] += np.int64(green * ENERGY_STEPS)

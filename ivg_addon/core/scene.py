@@ -118,11 +118,15 @@ class Lobes:
     roughness_texture : (l,) int32
         A texture whose red channel multiplies it, or `NO_TEXTURE`.
     ior : (l,) float32
-        Index of refraction, of what lies behind the front over what lies before it.
+        Index of refraction, of what lies behind the front over what lies before it. A glossy lobe has the same on both
+        sides.
     fresnel : (l,) int32
         `NONE`, `SCHLICK` or `DIELECTRIC`: the shape of f of a glossy lobe.
     multiscatter : (l,) bool
         Light that bounces between facets is not lost ("Multiscatter GGX").
+    weight : (l, 3) float32, optional
+        The factor in `color` and `second` that is the lobe's weight in the material; ones where this is not given.
+        Light that bounces between facets is coloured by the rest, several times.
     """
 
     material: Int32 = field(default_factory=lambda: _none(kind=np.int32))
@@ -136,6 +140,7 @@ class Lobes:
     ior: Float32 = field(default_factory=lambda: _none())
     fresnel: Int32 = field(default_factory=lambda: _none(kind=np.int32))
     multiscatter: NDArray[np.bool_] = field(default_factory=lambda: _none(kind=np.bool_))
+    weight: Float32 | None = None
 
 
 GLOSSY, GLASS, REFRACTION, TRANSLUCENT, TRANSPARENT = range(5)
@@ -149,6 +154,8 @@ class Materials:
     """What surfaces do with light, as arrays indexed by material.
 
     A material describes the side that its triangles show to the front; the side seen from behind may be another row.
+    "Seen" is meant as Cycles means it, from where light goes to: what is reflected is described by the side that light
+    meets, what is let through by the side that it leaves by.
 
     Parameters
     ----------

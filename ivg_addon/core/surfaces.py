@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .compiled import inlined, kernel, merged
+from .lobes import LobeTable
 from .scene import Float32, Int32, Scene
 from .surface_bins import SurfaceBins
 from .textures import TexturePool, pack_textures
@@ -26,6 +27,8 @@ class Surfaces(NamedTuple):
         False for triangles whose shading normal is the geometric one everywhere.
     reflects : (nt,) bool
         False for triangles that absorb all: diffuse rays do not see them.
+    back : (m,) int32
+        The material that describes a material's back side; itself where both sides are alike.
     bin_divisions : (nt,) int32, bin_offset : (nt,) int64
         See `surface_bins.SurfaceBins`.
     """
@@ -38,8 +41,10 @@ class Surfaces(NamedTuple):
     uvs: Float32
     material: Int32
     reflects: NDArray[np.bool_]
+    back: Int32
     albedo: Float32
     texture: Int32
+    lobes: LobeTable
     pool: TexturePool
     bin_divisions: Int32
     bin_offset: NDArray[np.int64]
@@ -47,7 +52,8 @@ class Surfaces(NamedTuple):
     @classmethod
     def of(cls, scene: Scene, bins: SurfaceBins) -> Surfaces:
         """Gather a scene's surfaces."""
-        geometry = scene.geometry
+        geometry, materials = scene.geometry, scene.materials
+        back = np.arange(len(materials.names), dtype=np.int32) if materials.back is None else materials.back
         planes = np.empty((geometry.triangle_count, 4), dtype=np.float32)
         smooth = np.empty(geometry.triangle_count, dtype=np.bool_)
         measure_triangles(geometry.vertices, geometry.triangles, geometry.corner_normals, planes, smooth)
@@ -60,8 +66,10 @@ class Surfaces(NamedTuple):
             uvs=geometry.uvs,
             material=geometry.material,
             reflects=scene.diffuse_visible[geometry.object],
-            albedo=scene.materials.albedo,
-            texture=scene.materials.texture,
+            back=back,
+            albedo=materials.albedo,
+            texture=materials.texture,
+            lobes=LobeTable.of(materials, back),
             pool=pack_textures(scene.textures),
             bin_divisions=bins.divisions,
             bin_offset=bins.offset,

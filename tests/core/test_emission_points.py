@@ -149,11 +149,23 @@ def test_darkness_ends_or_a_surface_ends_the_photon() -> None:
     assert not point_light(0.3).emission.flies_dark
     origins = array((0, 0, 0), (0, 0, 0), (0, 0, 0))
     directions = array((1, 0, 0), (0, 1, 0), (0, 0, 1))
-    triangle, distance = np.array([4, 5, 6], dtype=np.int32), array(2.0, 0.4, 3.0)
-    leave_darkness(origins, directions, array(0.5, 0.5, 0.0), triangle, distance)
+    triangle, distance, dark = np.array([4, 5, 6], dtype=np.int32), array(2.0, 0.4, 3.0), array(0.5, 0.5, 0.0)
+    leave_darkness(origins, directions, dark, triangle, distance, np.zeros(7, dtype=np.int32), np.array([False]))
     np.testing.assert_array_equal(origins, array((0.5, 0, 0), (0, 0, 0), (0, 0, 0)))
     np.testing.assert_array_equal(triangle, [4, MISS, 6])
     np.testing.assert_array_equal(distance, array(1.5, 0.0, 3.0))
+
+
+def test_darkness_goes_on_behind_what_lets_light_pass() -> None:
+    origins, directions = array((0, 0, 0), (0, 0, 0)), array((1, 0, 0), (0, 1, 0))
+    triangle, distance, dark = np.array([0, 1], dtype=np.int32), array(0.25, 0.25), array(0.75, 0.75)
+    leave_darkness(
+        origins, directions, dark, triangle, distance, np.array([0, 1], dtype=np.int32), np.array([True, False])
+    )
+    np.testing.assert_array_equal(triangle, [0, MISS])
+    np.testing.assert_array_equal(distance, 0.0)
+    assert dark[0] == 0.5
+    np.testing.assert_array_equal(origins, 0.0)
 
 
 @pytest.mark.parametrize("blend", [0.0, 0.15, 1.0])

@@ -56,7 +56,13 @@ def meet(of: Scene, directions: Float64, weights: Float64, seed: int = 0, last: 
     flights = [np.ascontiguousarray(a, dtype=np.float32) for a in (np.zeros((n, 3)), directions, weights)]
     counts, energy = bins.empty_counts(), np.zeros((3, 3), dtype=np.int64)
     hits = (np.full(n, hit, dtype=np.int32), u, v)
-    alive = scatter(photons, *flights, *hits, seed, 1, last, Surfaces.of(of, bins), counts, energy)
+    bounces, dark = np.ones(n, dtype=np.int16), np.zeros(n, dtype=np.float32)
+    most, waiting = 1 if last else 2, np.empty((n, 2), dtype=np.int32)
+    alive, late = scatter(
+        photons, *flights, bounces, dark, *hits, seed, 1, most, Surfaces.of(of, bins), counts, energy, waiting
+    )
+    assert late == 0
+    assert (bounces[:alive] == 2).all()
     o, d, w = (a[:alive].astype(np.float64) for a in flights)
     return Outcome(photons[:alive], o, d, w, energy / (ENERGY_STEPS * n), counts)
 

@@ -129,32 +129,41 @@ def emit_photons(seed, first_photon, emitters, origins, directions, weights, dar
 
 
 @kernel
-def leave_darkness(origins, directions, dark, triangle, distance):
-    """Begin n first flights where the photons begin to carry light.
+def leave_darkness(origins, directions, dark, triangle, distance, material, lets_pass):
+    """Begin n flights where the photons begin to carry light.
 
     A light with soft falloff does not light what is closer to it than a distance that differs from
     photon to photon. What a photon meets before it stops it, but is not lit by it: such a photon
-    counts as one that left the scene, after a flight of no length.
+    counts as one that left the scene, after a flight of no length. A surface that has transparent lobes
+    may let it pass, still dark.
 
     Parameters
     ----------
     origins, directions : (n, 3) float32
-        First flights; origins are moved.
+        Flights; origins are moved.
     dark : (n,) float32
-        From `Emission.emit`.
+        How far they are dark; from `Emission.emit`, changed in place into what is left of it after the flight.
     triangle : (n,) int32, distance : (n,) float32
         What the flights hit, and where; changed in place.
+    material : (nt,) int32
+        Of triangles.
+    lets_pass : (m,) bool
+        See `lobes.LobeTable`.
     """
     for i in range(len(dark)):
         if dark[i] == 0.0:
             continue
         if distance[i] <= dark[i]:
-            triangle[i] = MISS
+            if lets_pass[material[triangle[i]]]:
+                dark[i] -= distance[i]
+            else:
+                triangle[i] = MISS
             distance[i] = 0.0
             continue
         for axis in range(3):
             origins[i, axis] += dark[i] * directions[i, axis]
         distance[i] -= dark[i]
+        dark[i] = 0.0
 
 
 @merged

@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Lobes as kernels see them: few arrays of many columns, for a reference to each array costs time."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .microfacets import ENERGY_STEPS_COSINE, ENERGY_STEPS_ROUGHNESS, fill_energy, mean_fresnel_factor
+from .scene import GLASS, GLOSSY, TRANSPARENT, Float32, Int32, Lobes, Materials
+
+KIND, FRESNEL, COLOR_TEXTURE, SECOND_TEXTURE, ROUGHNESS_TEXTURE, FRONT_ENERGY, BACK_ENERGY = range(7)
+"""Columns of `LobeTable.codes`; the last two are energy tables of the lobe as seen from each side."""
+COLOR, SECOND, UNWEIGHTED, ROUGHNESS, IOR, MEAN_FRESNEL = 0, 3, 6, 9, 10, 11
+"""Columns of `LobeTable.numbers`; the first three are colours."""
+NO_ENERGY = -1
+"""The lobe loses what bounces between its facets."""
+
+_LEAST_IOR = 1e-5
+
+
+class LobeTable(NamedTuple):
+    """All lobes of a scene; m materials, l lobes, t energy tables.
+
+    first : (m + 1,) int64
+        Row of each material's first lobe; its last is before that of the next material.
+    codes : (l, 7) int32, numbers : (l, 12) float32
+        Columns as named above. `UNWEIGHTED` is what turns a colour into one without the lobe's weight.
+    scatters : (m,) bool
+        The material, or that of its back side, has lobes.
+    lets_pass : (m,) bool
+        It has transparent ones.
+    energy, mean_energy : (t, …) float32
+        See `microfacets.fill_energy`.
+    """
+
+    first: NDArray[np.int64]
+    codes: Int32
+    numbers: Float32
+    scatters: NDArray[np.bool_]
+    lets_pass: NDArray[np.bool_]
+    energy: Float32
+    mean_energy: Float32
+
+    @classmethod
+    def of(cls, materials: Materials, back: Int32) -> LobeTable:
+        """Gather the lobes of materials whose back sides are the materials `back` (m,)."""
+        lobes, count = materials.lobes, len(materials.names)
+        first = np.searchsorted(lobes.material, np.arange(count + 1)).astype(np.int64)
+        ior = np.maximum(lobes.ior, _LEAST_IOR).astype(np.float32)
+        tables, etas = _energy_tables(lobes, ior)
+        energy, mean_energy = _energies(etas)
+        has_lobes = np.diff(first) > 0
+        transparent = np.bincount(lobes.material[lobes.kind == TRANSPARENT], minlength=count) > 0
+        means = [mean_fresnel_factor(int(shape), float(eta)) for shape, eta in zip(lobes.fresnel, ior, strict=True)]
+        weight = np.ones_like(lobes.color) if lobes.weight is None else lobes.weight
+        return cls(
+            first=first,
+            codes=np.column_stack(
+                [lobes.kind, lobes.fresnel, lobes.color_texture, lobes.second_texture, lobes.roughness_texture, tables]
+            ).astype(np.int32),
+            numbers=np.column_stack(
+                [
+                    *(lobes.color, lobes.second, np.divide(1.0, weight, out=np.zeros_like(weight), where=weight > 0)),
+                    *(np.clip(lobes.roughness, 0.0, 1.0), ior, np.array(means, dtype=np.float32)),
+                ]
+            ).astype(np.float32),
+            scatters=has_lobes | has_lobes[back],
+            lets_pass=transparent | transparent[back],
+            energy=energy,
+            mean_energy=mean_energy,
+        )
+
+
+def _energy_tables(lobes: Lobes, ior: Float32) -> tuple[Int32, tuple[float, ...]]:
+    """Return each lobe's tables, (l, 2), and what they are for; see `fill_energy`."""
+    etas: dict[float, int] = {}
+    tables = np.full((len(lobes.kind), 2), NO_ENERGY, dtype=np.int32)
+    for row in np.flatnonzero(lobes.multiscatter):
+        if lobes.kind[row] == GLOSSY:
+            seen = (0.0, 0.0)
+        elif lobes.kind[row] == GLASS:
+            seen = (float(ior[row]), 1.0 / float(ior[row]))
+        else:
+            continue
+        tables[row] = [etas.setdefault(eta, len(etas)) for eta in seen]
+    return tables, tuple(etas)
+
+
+@lru_cache(maxsize=4)
+def _energies(etas: tuple[float, ...]) -> tuple[Float32, Float32]:
+    """Tabulate E and Ē for indices of refraction; 30 ms each."""
+    energy = np.empty((len(etas), ENERGY_STEPS_ROUGHNESS, ENERGY_STEPS_COSINE), dtype=np.float32)
+    mean = np.empty((len(etas), ENERGY_STEPS_ROUGHNESS), dtype=np.float32)
+    fill_energy(np.array(etas, dtype=np.float64), energy, mean)
+    return energy, mean
