@@ -109,7 +109,7 @@ def _nested_instances(of: bpy.types.Material) -> None:
 
 def _mirrored(of: bpy.types.Material) -> None:
     """Hang a one-sided lamp of a mesh, turned inside out by its scale."""
-    made = material("Shine", emission((4.0, 3.0, 2.0), node("NewGeometry", "Backfacing")))
+    made = material(TESTED, emission((4.0, 3.0, 2.0), node("NewGeometry", "Backfacing")))
     card(made, scale=(-1.0, 1.0, 1.0))
     add_object("Ball", ball_mesh(0.2, of), location=(0.5, -0.4, 1.8), scale=(1.0, -0.7, 1.3))
 

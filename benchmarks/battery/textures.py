@@ -157,7 +157,9 @@ def _two_materials() -> None:
 def _bump(kind: str) -> Callable[[], object]:
     def normal() -> Maker:
         if kind == "Bump":
-            return node("Bump", Strength=1.0, Distance=0.1, Height=node("TexWave", "Fac", Scale=4.0))
+            return node(
+                "Bump", Strength=1.0, Distance=0.5, Height=node("TexWave", "Fac", {"wave_profile": "SAW"}, Scale=0.5)
+            )
         return node("NormalMap", Color=(0.8, 0.4, 0.9), Strength=1.0)
 
     return lambda: room(material(TESTED, node("BsdfDiffuse", Color=_SAND, Normal=normal())))
@@ -167,8 +169,9 @@ def _coloured(make: Callable[[], Maker]) -> Callable[[], object]:
     return lambda: with_floor(diffuse(make()))()
 
 
-def _checker(**vector: Maker) -> Maker:
-    return node("TexChecker", Color1=_SAND, Color2=_BLUE, Scale=3.0, **vector)
+def _checker(scale: float = 2.0, **vector: Maker) -> Maker:
+    """Return a checker of squares that the cells tell apart."""
+    return node("TexChecker", Color1=(0.9, 0.8, 0.4), Color2=(0.02, 0.05, 0.3), Scale=scale, **vector)
 
 
 CASES = (
@@ -215,11 +218,12 @@ CASES = (
     ),
     *(
         Case(
-            f"texture: checker by {output}", _coloured(lambda output=output: _checker(Vector=node("TexCoord", output)))
+            f"texture: checker by {output}",
+            _coloured(lambda output=output, scale=scale: _checker(scale, Vector=node("TexCoord", output))),
         )
-        for output in ("Generated", "Object", "UV", "Normal")
+        for output, scale in (("Generated", 2.0), ("Object", 0.7), ("UV", 2.0), ("Normal", 2.0))
     ),
-    Case("texture: checker by Position", _coloured(lambda: _checker(Vector=node("NewGeometry", "Position")))),
+    Case("texture: checker by Position", _coloured(lambda: _checker(0.7, Vector=node("NewGeometry", "Position")))),
     Case(
         "texture: checker by Mapping",
         _coloured(
