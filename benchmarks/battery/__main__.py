@@ -2,7 +2,8 @@
 """Hold the bake against Cycles: `python -m benchmarks.battery [CASE …] [--quick] [--list] [--seed N]`.
 
 Prints one line per small scene, and what the bake said of what is tested where it failed. "named" is a failure that the
-bake's notices foretell; exits with 1 if a case fails without a word. About nine minutes on two cores, `--quick` four.
+bake's notices foretell; exits with 1 if a case fails without a word. About ten minutes on two quiet cores, `--quick`
+four.
 """
 
 from __future__ import annotations
