@@ -131,8 +131,10 @@ def _build_steps(reading: _Reading, name: str) -> Steps[Scene]:
     except StopIteration as end:
         flattened: Flattened = end.value
     if not flattened.geometry.triangle_count:
+        bad = sum(flattened.dropped.values())
         raise SceneError(
-            f"scene '{name}' has no mesh, curve, surface or text that light could meet: add one, or show it in renders"
+            f"scene '{name}' has no mesh, curve, surface, text, hair or point cloud that light could meet: "
+            + (f"all {bad:,} triangles are without area or not finite" if bad else "add one, or show it in renders")
         )
     return Scene(
         name=name,

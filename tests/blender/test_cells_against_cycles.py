@@ -20,7 +20,7 @@ from ivg_addon.core.bake import bake
 from ivg_addon.core.progress import finish
 from ivg_addon.core.settings import BakeSettings
 from tests.blender.cycles_scenes import plain
-from tests.blender.export_scenes import add_object, cube_mesh, empty_scene
+from tests.blender.export_scenes import add_object, cube_mesh, empty_scene, point_cloud
 
 FALSE_ALARM = 1e-5
 """Chance that a right case fails with another seed."""
@@ -57,12 +57,9 @@ def hair(shape: str, straight: bool = False) -> None:
 
 def points() -> None:
     rng = np.random.default_rng(4)
-    cloud = bpy.data.pointclouds.new("Cloud")
-    cloud.resize(300)
-    cloud.points.foreach_set("co", rng.normal(scale=0.3, size=900).astype(np.float32))
-    cloud.points.foreach_set("radius", rng.uniform(0.02, 0.08, 300).astype(np.float32))
-    cloud.materials.append(plain("Copper", COPPER))
-    add_object("Cloud", cloud, location=(0.0, 0.0, 1.7))
+    cloud = point_cloud(rng.normal(scale=0.3, size=(300, 3)), rng.uniform(0.02, 0.08, 300))
+    cloud.data.materials.append(plain("Copper", COPPER))
+    cloud.location = (0.0, 0.0, 1.7)
 
 
 def fur_on_a_ball() -> None:

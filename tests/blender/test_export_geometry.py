@@ -309,7 +309,20 @@ def test_bad_triangles_are_counted(scene: bpy.types.Scene) -> None:
 
 def test_nothing_to_light(scene: bpy.types.Scene) -> None:
     add_object("Edges", bpy.data.meshes.new("Edges"))
-    with pytest.raises(SceneError, match=r"no mesh, curve, surface or text .*: add one, or show it in renders"):
+    with pytest.raises(SceneError, match=r"no mesh, curve, .* or point cloud .*: add one, or show it in renders"):
+        viewport_scene()
+
+
+def test_nothing_but_triangles_without_area(scene: bpy.types.Scene) -> None:
+    mesh = bpy.data.meshes.new("Lines")
+    mesh.vertices.add(300_000)
+    mesh.loops.add(300_000)
+    mesh.loops.foreach_set("vertex_index", np.arange(300_000, dtype=np.int32))
+    mesh.polygons.add(100_000)
+    mesh.polygons.foreach_set("loop_start", np.arange(0, 300_000, 3, dtype=np.int32))
+    mesh.update()
+    add_object("Lines", mesh)
+    with pytest.raises(SceneError, match=r"all 100,000 triangles are without area or not finite"):
         viewport_scene()
 
 
