@@ -36,6 +36,7 @@ _READING = 0.5
 _MANY_COPIES = 4
 """From so many times the unique triangles on, a notice says that instances cost memory."""
 _WORKING_SPACE = "Linear Rec.709"
+_WORLDS_SHADOW = "blocks the world's light as its shadow rays say: where the world is uniform, Cycles asks diffuse rays"
 
 
 def export_scene(depsgraph: bpy.types.Depsgraph) -> Scene:
@@ -150,7 +151,7 @@ def _build_steps(reading: _Reading, name: str) -> Steps[Scene]:
 
 
 def _geometry_notices(reading: _Reading, flattened: Flattened) -> Iterator[Notice]:
-    """Say which triangles cannot be lit, and what instances cost."""
+    """Say which triangles cannot be lit, what the world sees otherwise than Cycles', and what instances cost."""
     for index, count in flattened.dropped.items():
         triangles = "1 triangle" if count == 1 else f"{count:,} triangles"
         yield Notice(
@@ -158,6 +159,10 @@ def _geometry_notices(reading: _Reading, flattened: Flattened) -> Iterator[Notic
             f"object '{reading.objects[index]}'",
             f"{triangles} without area or with coordinates that are not numbers left out",
         )
+    if reading.lights.world.any():
+        for name, diffuse, shadow in zip(reading.objects, reading.diffuse_visible, reading.shadow_visible, strict=True):
+            if diffuse != shadow:
+                yield Notice("simplified", f"object '{name}'", _WORLDS_SHADOW)
     total = flattened.geometry.triangle_count
     if total > _MANY_COPIES * flattened.unique_triangles:
         geometry = flattened.geometry
