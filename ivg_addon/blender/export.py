@@ -36,7 +36,7 @@ _READING = 0.5
 _MANY_COPIES = 4
 """From so many times the unique triangles on, a notice says that instances cost memory."""
 _WORKING_SPACE = "Linear Rec.709"
-_WORLDS_SHADOW = "blocks the world's light as its shadow rays say: where the world is uniform, Cycles asks diffuse rays"
+_WORLDS_SHADOW = "blocks the world's light as its shadow rays say: of a uniform world, Cycles asks diffuse rays"
 
 
 def export_scene(depsgraph: bpy.types.Depsgraph) -> Scene:
@@ -118,7 +118,16 @@ def _read_steps(depsgraph: bpy.types.Depsgraph) -> Steps[_Reading]:
         textures=materials.textures,
         lights=lights,
         light_rules=light_rules,
-        notices=merge((*_colour_notices(), *geometry.notices, *materials.notices, *light_notices, *linking.notices)),
+        notices=merge(
+            (
+                *_colour_notices(),
+                *geometry.notices,
+                *materials.notices,
+                *light_notices,
+                *linking.notices,
+                *(_world_notices(geometry) if lights.world.any() else ()),
+            )
+        ),
     )
 
 
@@ -151,7 +160,7 @@ def _build_steps(reading: _Reading, name: str) -> Steps[Scene]:
 
 
 def _geometry_notices(reading: _Reading, flattened: Flattened) -> Iterator[Notice]:
-    """Say which triangles cannot be lit, what the world sees otherwise than Cycles', and what instances cost."""
+    """Say which triangles cannot be lit, and what instances cost."""
     for index, count in flattened.dropped.items():
         triangles = "1 triangle" if count == 1 else f"{count:,} triangles"
         yield Notice(
@@ -159,10 +168,6 @@ def _geometry_notices(reading: _Reading, flattened: Flattened) -> Iterator[Notic
             f"object '{reading.objects[index]}'",
             f"{triangles} without area or with coordinates that are not numbers left out",
         )
-    if reading.lights.world.any():
-        for name, diffuse, shadow in zip(reading.objects, reading.diffuse_visible, reading.shadow_visible, strict=True):
-            if diffuse != shadow:
-                yield Notice("simplified", f"object '{name}'", _WORLDS_SHADOW)
     total = flattened.geometry.triangle_count
     if total > _MANY_COPIES * flattened.unique_triangles:
         geometry = flattened.geometry
@@ -173,6 +178,13 @@ def _geometry_notices(reading: _Reading, flattened: Flattened) -> Iterator[Notic
             f"written out one by one: {flattened.unique_triangles:,} triangles became {total:,}, "
             f"{human(size)} of memory",
         )
+
+
+def _world_notices(geometry: GeometryReader) -> Iterator[Notice]:
+    """Say which objects block the light of a uniform world in Cycles and not here, or the other way round."""
+    for name, diffuse, shadow in zip(geometry.objects, geometry.diffuse_visible, geometry.shadow_visible, strict=True):
+        if diffuse != shadow:
+            yield Notice("simplified", f"object '{name}'", _WORLDS_SHADOW)
 
 
 def _colour_notices() -> Iterator[Notice]:

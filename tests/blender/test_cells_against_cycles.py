@@ -2,7 +2,8 @@
 """One cell's mean irradiance against Cycles: hair, point clouds, and what rays do not see.
 
 A vertex's value towards an axis is the mean of E(p, axis) over the points p of its dual cell; Cycles computes E at
-random points of it. Both sides are means of independent samples. Points larger by 10 % or hair thicker by 20 % would fail.
+random points of it. Both sides are means of independent samples. Points larger by 10 % would fail, or
+hair thicker by 20 %.
 """
 
 from __future__ import annotations

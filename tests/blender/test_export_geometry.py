@@ -200,7 +200,9 @@ def test_ray_visibility(scene: bpy.types.Scene) -> None:
     rays = ("camera", "diffuse", "glossy", "transmission", "volume_scatter", "shadow")
     add_object("Gone", cube_mesh(), **{f"visible_{ray}": False for ray in rays})
     exported = viewport_scene()
-    visible = zip(exported.diffuse_visible, exported.shadow_visible, strict=True)
+    assert exported.light_rules is not None
+    casts = (exported.light_rules.blocks & 1).astype(bool)
+    visible = zip(exported.diffuse_visible, casts, strict=True)
     assert dict(zip(exported.objects, visible, strict=True)) == {
         "Plain": (True, True),
         "Unseen": (False, True),
@@ -209,7 +211,9 @@ def test_ray_visibility(scene: bpy.types.Scene) -> None:
     assert not [notice for notice in exported.notices if notice.subject.startswith("object")]
     scene.world = bpy.data.worlds.new("World")
     exported = viewport_scene()
-    message = "simplified: blocks the world's light as its shadow rays say: where the world is uniform, Cycles asks diffuse rays"
+    message = (
+        "simplified: blocks the world's light as its shadow rays say: of a uniform world, Cycles asks diffuse rays"
+    )
     assert [notices_of(exported, name) for name in ("Plain", "Unseen", "Shadowless")] == [[], [message], [message]]
 
 
