@@ -174,7 +174,7 @@ def main() -> int:
         )
     slow, big = ours["seconds"] > MOST_SECONDS, ours["bytes"] / triangles > MOST_BYTES
     print(
-        f"export: at most {MOST_SECONDS:.0f} s, aim {AIM_SECONDS:.0f} s{'  MISSED' if slow else ''}; "
+        f"export with evaluation: at most {MOST_SECONDS:.0f} s, aim {AIM_SECONDS:.0f} s{'  MISSED' if slow else ''}; "
         f"at most {MOST_BYTES:.0f} B a triangle, aim {AIM_BYTES:.0f} B{'  MISSED' if big else ''}"
     )
     return int(slow or big)

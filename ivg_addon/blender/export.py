@@ -36,6 +36,7 @@ _READING = 0.5
 _MANY_COPIES = 4
 """From so many times the unique triangles on, a notice says that instances cost memory."""
 _WORKING_SPACE = "Linear Rec.709"
+_WORLDS_SHADOW = "blocks the world's light as its shadow rays say: of a uniform world, Cycles asks diffuse rays"
 
 
 def export_scene(depsgraph: bpy.types.Depsgraph) -> Scene:
@@ -117,7 +118,16 @@ def _read_steps(depsgraph: bpy.types.Depsgraph) -> Steps[_Reading]:
         textures=materials.textures,
         lights=lights,
         light_rules=light_rules,
-        notices=merge((*_colour_notices(), *geometry.notices, *materials.notices, *light_notices, *linking.notices)),
+        notices=merge(
+            (
+                *_colour_notices(),
+                *geometry.notices,
+                *materials.notices,
+                *light_notices,
+                *linking.notices,
+                *(_world_notices(geometry) if lights.world.any() else ()),
+            )
+        ),
     )
 
 
@@ -131,8 +141,10 @@ def _build_steps(reading: _Reading, name: str) -> Steps[Scene]:
     except StopIteration as end:
         flattened: Flattened = end.value
     if not flattened.geometry.triangle_count:
+        bad = sum(flattened.dropped.values())
         raise SceneError(
-            f"scene '{name}' has no mesh, curve, surface or text that light could meet: add one, or show it in renders"
+            f"scene '{name}' has no mesh, curve, surface, text, hair or point cloud that light could meet: "
+            + (f"all {bad:,} triangles are without area or not finite" if bad else "add one, or show it in renders")
         )
     return Scene(
         name=name,
@@ -166,6 +178,13 @@ def _geometry_notices(reading: _Reading, flattened: Flattened) -> Iterator[Notic
             f"written out one by one: {flattened.unique_triangles:,} triangles became {total:,}, "
             f"{human(size)} of memory",
         )
+
+
+def _world_notices(geometry: GeometryReader) -> Iterator[Notice]:
+    """Say which objects block the light of a uniform world in Cycles and not here, or the other way round."""
+    for name, diffuse, shadow in zip(geometry.objects, geometry.diffuse_visible, geometry.shadow_visible, strict=True):
+        if diffuse != shadow:
+            yield Notice("simplified", f"object '{name}'", _WORLDS_SHADOW)
 
 
 def _colour_notices() -> Iterator[Notice]:

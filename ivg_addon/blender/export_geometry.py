@@ -280,8 +280,7 @@ class GeometryReader:
         return None
 
     def _object(self, subject: str, seers: list[bpy.types.Object]) -> int:
-        diffuse = all(seer.visible_diffuse for seer in seers)
-        shadow = all(seer.visible_shadow for seer in seers)
+        diffuse, shadow = _visible_to(seers, "diffuse"), _visible_to(seers, "shadow")
         key = (subject, diffuse, shadow)
         if key not in self._object_index:
             self._object_index[key] = len(self.objects)
@@ -291,6 +290,10 @@ class GeometryReader:
         return self._object_index[key]
 
     def _note_simplified(self, owner: bpy.types.Object, seers: list[bpy.types.Object], subject: str) -> None:
+        diffuse = _visible_to(seers, "diffuse")
+        if not diffuse == _visible_to(seers, "glossy") == _visible_to(seers, "transmission"):
+            message = "to glossy and transmission rays as visible as to diffuse rays"
+            self._notices.append(Notice("simplified", subject, message))
         for modifier in owner.modifiers:
             if modifier.type == "SUBSURF" and modifier.use_adaptive_subdivision and modifier.show_render:
                 levels = modifier.render_levels
@@ -299,10 +302,15 @@ class GeometryReader:
                 )
 
 
+def _visible_to(seers: list[bpy.types.Object], rays: str) -> bool:
+    """Tell whether a kind of rays sees an instance: both it and its instancer must be visible to it."""
+    return all(getattr(seer, f"visible_{rays}") for seer in seers)
+
+
 def _visible_at_all(seers: list[bpy.types.Object]) -> bool:
-    """Tell whether any kind of ray sees an instance: both it and its instancer must be visible to it."""
+    """Tell whether any kind of rays sees an instance."""
     kinds = ("camera", "diffuse", "glossy", "transmission", "volume_scatter", "shadow")
-    return any(all(getattr(seer, f"visible_{kind}") for seer in seers) for kind in kinds)
+    return any(_visible_to(seers, kind) for kind in kinds)
 
 
 @contextmanager

@@ -28,6 +28,8 @@ SLICE = 1 << 17
 
 _BYTES_PER_TRIANGLE = 12 + 36 + 24 + 4 + 4
 _BYTES_PER_VERTEX = 12
+_BYTES_IN_A_BAKE = 200
+"""What a bake makes of a triangle besides: Embree's structure, patches and what kernels read."""
 _NO_NORMALS = np.zeros((0, 3), dtype=np.float32)
 
 
@@ -111,7 +113,7 @@ class _Store:
 
     def __init__(self, vertices: int, triangles: int) -> None:
         require(
-            vertices * _BYTES_PER_VERTEX + triangles * _BYTES_PER_TRIANGLE,
+            vertices * _BYTES_PER_VERTEX + triangles * (_BYTES_PER_TRIANGLE + _BYTES_IN_A_BAKE),
             f"the scene's geometry ({triangles:,} triangles with all instances)",
             "hide instances in renders, or lower their subdivision",
         )

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiled import merged
+from .compiled import kernel, merged
 from .scene import Geometry, Int32
 
 FRONT = 0
@@ -53,9 +53,8 @@ class SurfaceBins:
         Larger ones are made where triangles are huge, and everywhere if there would be more than `most` patches beyond
         one for each triangle.
         """
-        corners = geometry.vertices[geometry.triangles].astype(np.float64)
-        edges = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]])
-        longest = np.sqrt((edges**2).sum(axis=-1)).max(axis=0)
+        longest = np.empty(geometry.triangle_count)
+        measure_edges(geometry.vertices, geometry.triangles, longest)
         while True:
             divisions = np.clip(np.ceil(longest / patch_size), 1, _MOST_DIVISIONS).astype(np.int32)
             patches = divisions.astype(np.int64) ** 2
@@ -71,6 +70,21 @@ class SurfaceBins:
     def empty_counts(self) -> Int32:
         """Return (patches, 2) zeros: photons received on the front and on the back."""
         return np.zeros((self.count, 2), dtype=np.int32)
+
+
+@kernel
+def measure_edges(vertices, triangles, longest):
+    """Fill longest (nt,) float64 with the longer of the two edges at each triangle's first corner."""
+    for triangle in range(len(triangles)):
+        p = triangles[triangle, 0]
+        squared = 0.0
+        for c in range(1, 3):
+            q = triangles[triangle, c]
+            x = float(vertices[q, 0]) - float(vertices[p, 0])
+            y = float(vertices[q, 1]) - float(vertices[p, 1])
+            z = float(vertices[q, 2]) - float(vertices[p, 2])
+            squared = max(squared, x * x + y * y + z * z)
+        longest[triangle] = np.sqrt(squared)
 
 
 @merged

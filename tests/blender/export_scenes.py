@@ -43,6 +43,21 @@ def cube_mesh(name: str = "Cube", size: float = 1.0) -> bpy.types.Mesh:
     return mesh
 
 
+def point_cloud(centers: NDArray[np.float64], radii: NDArray[np.float64] | None = None) -> bpy.types.Object:
+    """Add a point cloud, made from the vertices of a mesh: Blender 5.0 has no other way for scripts."""
+    mesh = bpy.data.meshes.new("Cloud")
+    mesh.from_pydata(np.asarray(centers).tolist(), [], [])
+    made = add_object("Cloud", mesh)
+    bpy.ops.object.select_all(action="DESELECT")
+    made.select_set(True)
+    bpy.context.view_layer.objects.active = made
+    bpy.ops.object.convert(target="POINTCLOUD")
+    if radii is not None:
+        attribute = made.data.attributes.get("radius") or made.data.attributes.new("radius", "FLOAT", "POINT")
+        attribute.data.foreach_set("value", np.asarray(radii, dtype=np.float32))
+    return made
+
+
 def quads_with_uvs(uvs: NDArray[np.float64], name: str = "UVMap") -> bpy.types.Mesh:
     """Return a mesh of separate quads, each with one texture coordinate at all its corners."""
     n = len(uvs)

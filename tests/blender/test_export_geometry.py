@@ -195,18 +195,26 @@ def test_what_is_left_out_is_named(scene: bpy.types.Scene) -> None:
 
 def test_ray_visibility(scene: bpy.types.Scene) -> None:
     add_object("Plain", cube_mesh())
-    add_object("Unseen", cube_mesh(), visible_diffuse=False)
+    add_object("Unseen", cube_mesh(), visible_diffuse=False, visible_glossy=False, visible_transmission=False)
     add_object("Shadowless", cube_mesh(), visible_shadow=False)
     rays = ("camera", "diffuse", "glossy", "transmission", "volume_scatter", "shadow")
     add_object("Gone", cube_mesh(), **{f"visible_{ray}": False for ray in rays})
     exported = viewport_scene()
-    visible = zip(exported.diffuse_visible, exported.shadow_visible, strict=True)
+    assert exported.light_rules is not None
+    casts = (exported.light_rules.blocks & 1).astype(bool)
+    visible = zip(exported.diffuse_visible, casts, strict=True)
     assert dict(zip(exported.objects, visible, strict=True)) == {
         "Plain": (True, True),
         "Unseen": (False, True),
         "Shadowless": (True, False),
     }
     assert not [notice for notice in exported.notices if notice.subject.startswith("object")]
+    scene.world = bpy.data.worlds.new("World")
+    exported = viewport_scene()
+    message = (
+        "simplified: blocks the world's light as its shadow rays say: of a uniform world, Cycles asks diffuse rays"
+    )
+    assert [notices_of(exported, name) for name in ("Plain", "Unseen", "Shadowless")] == [[], [message], [message]]
 
 
 def centres(exported: Scene) -> np.ndarray:
@@ -309,7 +317,28 @@ def test_bad_triangles_are_counted(scene: bpy.types.Scene) -> None:
 
 def test_nothing_to_light(scene: bpy.types.Scene) -> None:
     add_object("Edges", bpy.data.meshes.new("Edges"))
-    with pytest.raises(SceneError, match=r"no mesh, curve, surface or text .*: add one, or show it in renders"):
+    with pytest.raises(SceneError, match=r"no mesh, curve, .* or point cloud .*: add one, or show it in renders"):
+        viewport_scene()
+
+
+def test_what_mirrors_see_otherwise_is_named(scene: bpy.types.Scene) -> None:
+    add_object("Ghost", cube_mesh(), visible_diffuse=False)
+    add_object("Vampire", cube_mesh(), visible_glossy=False)
+    exported = viewport_scene()
+    message = "simplified: to glossy and transmission rays as visible as to diffuse rays"
+    assert notices_of(exported, "Ghost") == notices_of(exported, "Vampire") == [message]
+
+
+def test_nothing_but_triangles_without_area(scene: bpy.types.Scene) -> None:
+    mesh = bpy.data.meshes.new("Lines")
+    mesh.vertices.add(300_000)
+    mesh.loops.add(300_000)
+    mesh.loops.foreach_set("vertex_index", np.arange(300_000, dtype=np.int32))
+    mesh.polygons.add(100_000)
+    mesh.polygons.foreach_set("loop_start", np.arange(0, 300_000, 3, dtype=np.int32))
+    mesh.update()
+    add_object("Lines", mesh)
+    with pytest.raises(SceneError, match=r"all 100,000 triangles are without area or not finite"):
         viewport_scene()
 
 

@@ -219,7 +219,7 @@ def test_errors_come_through_and_leave_no_trace() -> None:
     with pytest.raises(IvgError, match="on purpose"):
         with_render_depsgraph(bpy.context.scene, bpy.context.view_layer, fail)
     assert state() == before
-    with pytest.raises(SceneError, match="no mesh, curve, surface or text"):
+    with pytest.raises(SceneError, match="no mesh, curve, surface, text, hair or point cloud"):
         render_scene()
     assert state() == before
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import itertools
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from hypothesis import strategies as st
 from ivg_addon.core import instancing
 from ivg_addon.core.errors import MemoryLimitError
 from ivg_addon.core.instancing import LIGHT_PASSES, Flattened, Instances, MeshData, flatten_steps
+from ivg_addon.core.progress import finish
 from ivg_addon.core.scene import Geometry
 
 numbers = st.floats(-3, 3)
@@ -199,3 +201,53 @@ def test_too_much_is_refused_before_it_is_made() -> None:
     )
     with pytest.raises(MemoryLimitError, match=r"geometry \(.* triangles with all instances\) needs .* GiB"):
         next(flatten_steps([huge], [instance(np.eye(4))] * (1 << 14)))
+
+
+def test_instances_of_one_group_are_placed_as_if_alone() -> None:
+    rng = np.random.default_rng(6)
+    matrices = [affine(rng.normal(size=(3, 3)), rng.normal(size=3)) for _ in range(9)]
+    groups = [instance(matrix, object=i) for i, matrix in enumerate(matrices)]
+    together = Instances(
+        mesh=0, objects=np.arange(9, dtype=np.int32), matrices=np.stack(matrices), materials=(0,), uv_map=("UV",)
+    )
+    one, several = run([tetrahedron()], [together]).geometry, run([tetrahedron()], groups).geometry
+    for name in vars(one):
+        np.testing.assert_array_equal(getattr(one, name), getattr(several, name))
+
+
+def test_a_million_triangles_without_area() -> None:
+    """All are left out and counted, and nothing of them is held but the arrays of the result."""
+    count = 1_000_000
+    flat = MeshData(
+        positions=np.zeros((count, 3), dtype=np.float32),
+        corner_vertex=np.arange(count, dtype=np.int32),
+        triangle_corners=np.broadcast_to(np.arange(3, dtype=np.int32), (count, 3)),
+    )
+    flat.positions[: count // 2] = np.nan
+    flattened = run([flat], [instance(np.eye(4), uv_map=(None,))])
+    assert flattened.dropped == {0: count}
+    assert flattened.geometry.triangle_count == 0
+
+
+def test_nothing_at_all() -> None:
+    none = MeshData(
+        positions=np.zeros((0, 3), dtype=np.float32),
+        corner_vertex=np.zeros(0, dtype=np.int32),
+        triangle_corners=np.zeros((0, 3), dtype=np.int32),
+    )
+    for meshes, instances in (([], []), ([none], [instance(np.eye(4), uv_map=(None,))])):
+        assert finish(flatten_steps(meshes, instances)).geometry.triangle_count == 0
+
+
+def test_a_million_instances_need_little_more_than_their_triangles() -> None:
+    """While they are placed, a few slices are held beside the result."""
+    count = 250_000
+    matrices = np.broadcast_to(np.eye(4, dtype=np.float32), (count, 4, 4))
+    places = Instances(0, np.zeros(count, dtype=np.int32), matrices, (0,), ("UV",))
+    tracemalloc.start()
+    geometry = run([tetrahedron()], [places]).geometry
+    held = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    result = sum(array.nbytes for array in vars(geometry).values())
+    assert geometry.triangle_count == 4 * count
+    assert held < result + 200 * instancing.SLICE
