@@ -130,6 +130,64 @@ def _share(numbers, codes, lobe, part, front, cosine, w0, w1, w2, pool, s, t):
     return share
 
 
+@merged
+def _pick(first, codes, numbers, near, far, front, cosine, diffuse_share, w0, w1, w2, xi, pool, s, t):
+    """Pick one lobe of all, by one number that is uniform again after each.
+
+    `near` and `far` are the materials of the side that light meets and of the other; the rest as for `_share`.
+
+    Returns
+    -------
+    lobe, part : int
+        `DIFFUSE` or a row, and what of that; see `_share`.
+    odds : float
+        The probability that it is this one; 0 where there is none.
+    xi : float
+        Uniform anew.
+    """
+    chosen, chosen_part, share, shares = DIFFUSE, _REFLECTS, diffuse_share, diffuse_share
+    of_near = first[near + 1] - first[near]
+    of_far = 0 if near == far else first[far + 1] - first[far]
+    for candidate in range(of_near + of_far):
+        met = candidate < of_near
+        lobe = first[near] + candidate if met else first[far] + candidate - of_near
+        part = _REFLECTS | _TRANSMITS if near == far else (_REFLECTS if met else _TRANSMITS)
+        its_share = _share(numbers, codes, lobe, part, front, cosine, w0, w1, w2, pool, s, t)
+        if its_share == 0.0:
+            continue
+        shares += its_share
+        odds = its_share / shares
+        if xi < odds:
+            chosen, chosen_part, share, xi = lobe, part, its_share, xi / odds
+        else:
+            xi = (xi - odds) / (1.0 - odds)
+    return chosen, chosen_part, (share / shares if shares > 0.0 else 0.0), xi
+
+
+@merged
+def _roughness(numbers, codes, lobe, pool, s, t):
+    """Return a lobe's roughness at texture coordinates, in [0, 1]."""
+    roughness = float(numbers[lobe, ROUGHNESS])
+    if codes[lobe, ROUGHNESS_TEXTURE] != NO_TEXTURE:
+        roughness *= sample_texture(pool, codes[lobe, ROUGHNESS_TEXTURE], s, t)[0]
+    return min(max(roughness, 0.0), 1.0)
+
+
+@inlined
+def _shadowing(cos_is, cos_ig, cos_os, cos_og, roughness, turned, transmitted, eta):
+    """Return G₂/G₁ (|i·s| |o·g|) / (|i·g| |o·s|), 0 where o is on the wrong side of either normal.
+
+    Cosines of o count from the side that it should be on.
+    """
+    if cos_og <= 0.0 or cos_os <= 0.0:
+        return 0.0
+    alpha = roughness * roughness
+    scale = cos_is * cos_og / (cos_ig * cos_os) if turned else 1.0
+    if alpha > MIRROR_ALPHA and not (transmitted and abs(eta - 1.0) < CLEAR):
+        scale *= shadowing(cos_is, cos_os, alpha)
+    return scale
+
+
 @inlined
 def _facet(ix, iy, iz, sx, sy, sz, cosine, alpha, u, v):
     """Return the unit normal of a facet that direction i sees; the surface's own for a mirror."""
@@ -255,38 +313,25 @@ def scatter_at_lobes(
         scatters = lit and reflects[triangle] and cos_is > 0.0 and cos_ig > 0.0
         s, t = texture_coordinates(uvs, triangle, u, v)
 
-        # One lobe of all by one number, which is uniform again after each.
         xi_u, xi_v, xi_survival, xi = random4(seed, photons[row], STREAM_SCATTER + flight)
-        chosen, part, share, shares = DIFFUSE, _REFLECTS, 0.0, 0.0
+        diffuse_share = 0.0
         f0, f1, f2 = 0.0, 0.0, 0.0
         if scatters:
             f0, f1, f2 = float(albedo[near, 0]), float(albedo[near, 1]), float(albedo[near, 2])
             if texture[near] != NO_TEXTURE:
                 f0, f1, f2 = surface_albedo(near, s, t, albedo, texture, pool)
-            share = shares = _largest(w0 * f0, w1 * f1, w2 * f2)
-        of_near = first[near + 1] - first[near]
-        of_far = 0 if near == far else first[far + 1] - first[far]
-        for candidate in range(of_near + of_far):
-            met = candidate < of_near
-            lobe = first[near] + candidate if met else first[far] + candidate - of_near
-            asked = _REFLECTS | _TRANSMITS if near == far else (_REFLECTS if met else _TRANSMITS)
-            cosine = cos_is if scatters else 0.0
-            its_share = _share(numbers, codes, lobe, asked, front, cosine, w0, w1, w2, pool, s, t)
-            if its_share == 0.0:
-                continue
-            shares += its_share
-            odds = its_share / shares
-            if xi < odds:
-                chosen, part, share, xi = lobe, asked, its_share, xi / odds
-            else:
-                xi = (xi - odds) / (1.0 - odds)
-        if shares == 0.0:
+            diffuse_share = _largest(w0 * f0, w1 * f1, w2 * f2)
+        cosine = cos_is if scatters else 0.0
+        chosen, part, odds, xi = _pick(
+            first, codes, numbers, near, far, front, cosine, diffuse_share, w0, w1, w2, xi, pool, s, t
+        )
+        if odds == 0.0:
             add_energy(energy, ABSORBED if lit else ESCAPED, w0, w1, w2)
             bounces[row] = _DEAD
             continue
 
         kind = DIFFUSE if chosen == DIFFUSE else codes[chosen, KIND]
-        scale, radiance_scale = shares / share, 1.0
+        scale, radiance_scale = 1.0 / odds, 1.0
         transmitted = kind == TRANSLUCENT or kind == TRANSPARENT
         ox, oy, oz = -ix, -iy, -iz
         if transmitted:
@@ -297,13 +342,9 @@ def scatter_at_lobes(
             if turned:
                 scale *= cos_is / cos_ig
         elif kind != TRANSPARENT:
-            roughness = float(numbers[chosen, ROUGHNESS])
-            if codes[chosen, ROUGHNESS_TEXTURE] != NO_TEXTURE:
-                roughness *= sample_texture(pool, codes[chosen, ROUGHNESS_TEXTURE], s, t)[0]
-            roughness = min(max(roughness, 0.0), 1.0)
-            alpha = roughness * roughness
+            roughness = _roughness(numbers, codes, chosen, pool, s, t)
             eta = float(numbers[chosen, IOR]) if front else 1.0 / float(numbers[chosen, IOR])
-            hx, hy, hz = _facet(ix, iy, iz, sx, sy, sz, cos_is, alpha, xi_u, xi_v)
+            hx, hy, hz = _facet(ix, iy, iz, sx, sy, sz, cos_is, roughness * roughness, xi_u, xi_v)
             cos_ih = ix * hx + iy * hy + iz * hz
             transmitted, f0, f1, f2, m0, m1, m2 = _fate(
                 numbers, codes, chosen, part, cos_ih, eta, xi, w0, w1, w2, pool, s, t
@@ -312,21 +353,14 @@ def scatter_at_lobes(
             sign = -1.0 if transmitted else 1.0
             cos_og = sign * (ox * gx + oy * gy + oz * gz)
             cos_os = sign * (ox * sx + oy * sy + oz * sz) if turned else cos_og
-            if cos_og <= 0.0 or cos_os <= 0.0:
-                scale = 0.0
-            else:
-                rough = alpha > MIRROR_ALPHA
-                if rough and not (transmitted and abs(eta - 1.0) < CLEAR):
-                    scale *= shadowing(cos_is, cos_os, alpha)
-                if turned:
-                    scale *= cos_is * cos_og / (cos_ig * cos_os)
-                if transmitted:
-                    radiance_scale = 1.0 / (eta * eta)
-                table = codes[chosen, FRONT_ENERGY if front != transmitted else BACK_ENERGY]
-                if rough and table != NO_ENERGY:
-                    f0 *= energy_factor(energies, mean_energies, table, roughness, cos_os, m0)
-                    f1 *= energy_factor(energies, mean_energies, table, roughness, cos_os, m1)
-                    f2 *= energy_factor(energies, mean_energies, table, roughness, cos_os, m2)
+            scale *= _shadowing(cos_is, cos_ig, cos_os, cos_og, roughness, turned, transmitted, eta)
+            if transmitted:
+                radiance_scale = 1.0 / (eta * eta)
+            table = codes[chosen, FRONT_ENERGY if front != transmitted else BACK_ENERGY]
+            if table != NO_ENERGY and roughness * roughness > MIRROR_ALPHA:
+                f0 *= energy_factor(energies, mean_energies, table, roughness, cos_os, m0)
+                f1 *= energy_factor(energies, mean_energies, table, roughness, cos_os, m1)
+                f2 *= energy_factor(energies, mean_energies, table, roughness, cos_os, m2)
 
         scale *= radiance_scale
         r0, r1, r2 = w0 * f0 * scale, w1 * f1 * scale, w2 * f2 * scale
