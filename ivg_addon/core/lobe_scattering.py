@@ -17,12 +17,8 @@ changes by (n_o/n_i)² [Veach 1997, §5.2]. Cycles leaves that factor out of rad
 photons that carry (n_i/n_o)² times as much. Through a closed body the factors cancel; in glass, and behind a single
 sheet of it, they do not. They say nothing of how important a photon is, so roulette leaves them out.
 
-A lobe is picked with probability proportional to what it roughly sends on, in the channel where that is most, and
-its exact weight is divided by that probability. Roulette then lets the photon live by what is left: of one at a
-diffuse or translucent lobe the whole weight decides, as in `scattering`; else what the lobe took off it.
-
-As Cycles sees it, the shader of the side from which a surface is seen decides. So what is reflected is told by the
-row of the side that a photon meets, what is let through by the row of the side that it leaves by.
+`lobe_choice` picks the lobe. Roulette then lets the photon live by what is left: at a diffuse or translucent lobe the
+whole weight decides, as in `scattering`; else what the lobe took off it.
 
 Light that arrives behind the shading normal, and light that facets send through the surface though they reflect it (or
 back though they refract it), is absorbed: no light leaks. Cycles turns shading normals of grazing views a little
@@ -32,102 +28,37 @@ instead, so that their mirror image stays above the surface.
 from __future__ import annotations
 
 from .compiled import inlined, kernel, merged
-from .lobes import (
-    BACK_ENERGY,
-    COLOR,
-    COLOR_TEXTURE,
-    FRESNEL,
-    FRONT_ENERGY,
-    IOR,
-    KIND,
-    MEAN_FRESNEL,
-    NO_ENERGY,
-    ROUGHNESS,
-    ROUGHNESS_TEXTURE,
-    SECOND,
-    SECOND_TEXTURE,
-    UNWEIGHTED,
-)
-from .microfacets import (
-    CLEAR,
-    MIRROR_ALPHA,
-    dielectric_reflectance,
-    energy_factor,
-    fresnel_factor,
-    refracted_cosine,
-    shadowing,
-    visible_normal,
-)
+from .lobe_choice import DIFFUSE, facet_fate, largest_of, lobe_color, lobe_roughness, pick_lobe
+from .lobes import BACK_ENERGY, COLOR, COLOR_TEXTURE, FRONT_ENERGY, IOR, KIND, NO_ENERGY
+from .microfacets import CLEAR, MIRROR_ALPHA, energy_factor, refracted_cosine, shadowing, visible_normal
 from .random import STREAM_SCATTER, random4
 from .scattering import ABSORBED, CUT, ESCAPED, add_energy, store
-from .scene import GLASS, GLOSSY, NO_TEXTURE, NONE, REFRACTION, TRANSLUCENT, TRANSPARENT
+from .scene import NO_TEXTURE, TRANSLUCENT, TRANSPARENT
 from .surface_bins import BACK, FRONT, patch_of
 from .surfaces import corner, shading_normal, texture_coordinates
 from .tally import WEIGHT_LIMIT
-from .textures import sample_texture, surface_albedo
+from .textures import surface_albedo
 from .vectors import cosine_direction, offset_distance, orthonormal_basis
 
 MOST_PASSAGES = 8
 """Transparent surfaces that a photon passes in its life: Cycles' default `transparent_max_bounces`."""
-
-DIFFUSE = -1
-"""Stands for the row of a lobe: the diffuse one is none of them."""
-_REFLECTS, _TRANSMITS = 1, 2
-"""What a row of the table is asked for: what it sends back, what it lets through, the sum for both."""
 _DEAD = -1
 """Stands for the bounces of a photon that ended."""
-_LEAST_FACTOR = 0.05
-"""Facets turned elsewhere than the surface have other Fresnel factors: none is taken for nothing."""
 
 
 @inlined
-def _largest(a, b, c):
-    return max(a, max(b, c))
+def _shadowing(cos_is, cos_ig, cos_os, cos_og, roughness, turned, transmitted, eta):
+    """Return G₂/G₁ (|i·s| |o·g|) / (|i·g| |o·s|), 0 where o is on the wrong side of either normal.
 
-
-@merged
-def _color(numbers, codes, lobe, column, texture_column, pool, s, t):
-    """Return one of a lobe's colours at texture coordinates."""
-    red = float(numbers[lobe, column])
-    green = float(numbers[lobe, column + 1])
-    blue = float(numbers[lobe, column + 2])
-    index = codes[lobe, texture_column]
-    if index != NO_TEXTURE:
-        a, b, c = sample_texture(pool, index, s, t)
-        red, green, blue = red * a, green * b, blue * c
-    return red, green, blue
-
-
-@merged
-def _share(numbers, codes, lobe, part, front, cosine, w0, w1, w2, pool, s, t):
-    """Return roughly what a lobe sends on of the weights, in the channel where that is most; 0 only where it is 0.
-
-    `part` is `_REFLECTS`, `_TRANSMITS` or both, `cosine` that of the arriving light to the shading normal, 0 where
-    nothing but transparency counts.
+    Cosines of o count from the side that it should be on.
     """
-    kind = codes[lobe, KIND]
-    reflects = part & _REFLECTS != 0 and (kind == GLOSSY or kind == GLASS)
-    transmits = part & _TRANSMITS != 0 and kind != GLOSSY
-    share = 0.0
-    if (reflects or transmits) and (cosine > 0.0 or kind == TRANSPARENT):
-        red, green, blue = _color(numbers, codes, lobe, COLOR, COLOR_TEXTURE, pool, s, t)
-        if kind == GLOSSY or kind == GLASS:
-            a, b, c = _color(numbers, codes, lobe, SECOND, SECOND_TEXTURE, pool, s, t)
-            ior = float(numbers[lobe, IOR])
-            if kind == GLOSSY:
-                sent = fresnel_factor(codes[lobe, FRESNEL], cosine, ior)
-                kept = 1.0 - sent
-            else:
-                kept = dielectric_reflectance(cosine, ior if front else 1.0 / ior)
-                sent = 1.0 - kept
-            if kind == GLASS or codes[lobe, FRESNEL] != NONE:
-                kept, sent = max(kept, _LEAST_FACTOR), max(sent, _LEAST_FACTOR)
-            if kind == GLASS:
-                kept = kept if reflects else 0.0
-                sent = sent if transmits else 0.0
-            red, green, blue = red * kept + a * sent, green * kept + b * sent, blue * kept + c * sent
-        share = max(0.0, _largest(w0 * red, w1 * green, w2 * blue))
-    return share
+    if cos_og <= 0.0 or cos_os <= 0.0:
+        return 0.0
+    alpha = roughness * roughness
+    scale = cos_is * cos_og / (cos_ig * cos_os) if turned else 1.0
+    if alpha > MIRROR_ALPHA and not (transmitted and abs(eta - 1.0) < CLEAR):
+        scale *= shadowing(cos_is, cos_os, alpha)
+    return scale
 
 
 @inlined
@@ -148,52 +79,6 @@ def _image(ix, iy, iz, hx, hy, hz, eta, transmitted):
         along = cosine / eta - refracted_cosine(cosine, eta)
         return along * hx - ix / eta, along * hy - iy / eta, along * hz - iz / eta
     return 2.0 * cosine * hx - ix, 2.0 * cosine * hy - iy, 2.0 * cosine * hz - iz
-
-
-@merged
-def _fate(numbers, codes, lobe, part, cosine, eta, xi, w0, w1, w2, pool, s, t):
-    """Tell what a facet does with light at this cosine: sends back or lets through, what of each channel, and more.
-
-    Returns
-    -------
-    transmitted : bool
-    red, green, blue : float
-        Divided by the probability that it was this.
-    mean_red, mean_green, mean_blue : float
-        Fss of `microfacets`.
-    """
-    kind = codes[lobe, KIND]
-    red, green, blue = _color(numbers, codes, lobe, COLOR, COLOR_TEXTURE, pool, s, t)
-    a, b, c = red, green, blue
-    transmitted = False
-    if kind == REFRACTION:
-        transmitted = True
-        if dielectric_reflectance(cosine, eta) >= 1.0:
-            red, green, blue = 0.0, 0.0, 0.0
-    else:
-        a, b, c = _color(numbers, codes, lobe, SECOND, SECOND_TEXTURE, pool, s, t)
-    m0, m1, m2 = a, b, c
-    if kind == GLOSSY:
-        mean = float(numbers[lobe, MEAN_FRESNEL])
-        m0, m1, m2 = red + (a - red) * mean, green + (b - green) * mean, blue + (c - blue) * mean
-        factor = fresnel_factor(codes[lobe, FRESNEL], cosine, float(numbers[lobe, IOR]))
-        red, green, blue = red + (a - red) * factor, green + (b - green) * factor, blue + (c - blue) * factor
-    elif kind == GLASS:
-        factor = dielectric_reflectance(cosine, eta)
-        red, green, blue = red * factor, green * factor, blue * factor
-        a, b, c = a * (1.0 - factor), b * (1.0 - factor), c * (1.0 - factor)
-        transmitted = part == _TRANSMITS
-        scale = 1.0
-        if part == _REFLECTS | _TRANSMITS:
-            kept, sent = _largest(w0 * red, w1 * green, w2 * blue), _largest(w0 * a, w1 * b, w2 * c)
-            transmitted = xi * (kept + sent) >= kept
-            likely = sent if transmitted else kept
-            scale = (kept + sent) / likely if likely > 0.0 else 0.0
-        if transmitted:
-            red, green, blue = a, b, c
-        red, green, blue = red * scale, green * scale, blue * scale
-    u0, u1, u2 = numbers[lobe, UNWEIGHTED], numbers[lobe, UNWEIGHTED + 1], numbers[lobe, UNWEIGHTED + 2]
-    return transmitted, red, green, blue, min(m0 * u0, 1.0), min(m1 * u1, 1.0), min(m2 * u2, 1.0)
 
 
 @kernel
@@ -255,82 +140,58 @@ def scatter_at_lobes(
         scatters = lit and reflects[triangle] and cos_is > 0.0 and cos_ig > 0.0
         s, t = texture_coordinates(uvs, triangle, u, v)
 
-        # One lobe of all by one number, which is uniform again after each.
         xi_u, xi_v, xi_survival, xi = random4(seed, photons[row], STREAM_SCATTER + flight)
-        chosen, part, share, shares = DIFFUSE, _REFLECTS, 0.0, 0.0
+        diffuse_share = 0.0
         f0, f1, f2 = 0.0, 0.0, 0.0
         if scatters:
             f0, f1, f2 = float(albedo[near, 0]), float(albedo[near, 1]), float(albedo[near, 2])
             if texture[near] != NO_TEXTURE:
                 f0, f1, f2 = surface_albedo(near, s, t, albedo, texture, pool)
-            share = shares = _largest(w0 * f0, w1 * f1, w2 * f2)
-        of_near = first[near + 1] - first[near]
-        of_far = 0 if near == far else first[far + 1] - first[far]
-        for candidate in range(of_near + of_far):
-            met = candidate < of_near
-            lobe = first[near] + candidate if met else first[far] + candidate - of_near
-            asked = _REFLECTS | _TRANSMITS if near == far else (_REFLECTS if met else _TRANSMITS)
-            cosine = cos_is if scatters else 0.0
-            its_share = _share(numbers, codes, lobe, asked, front, cosine, w0, w1, w2, pool, s, t)
-            if its_share == 0.0:
-                continue
-            shares += its_share
-            odds = its_share / shares
-            if xi < odds:
-                chosen, part, share, xi = lobe, asked, its_share, xi / odds
-            else:
-                xi = (xi - odds) / (1.0 - odds)
-        if shares == 0.0:
+            diffuse_share = largest_of(w0 * f0, w1 * f1, w2 * f2)
+        cosine = cos_is if scatters else 0.0
+        chosen, part, odds, xi = pick_lobe(
+            first, codes, numbers, near, far, front, cosine, diffuse_share, w0, w1, w2, xi, pool, s, t
+        )
+        if odds == 0.0:
             add_energy(energy, ABSORBED if lit else ESCAPED, w0, w1, w2)
             bounces[row] = _DEAD
             continue
 
         kind = DIFFUSE if chosen == DIFFUSE else codes[chosen, KIND]
-        scale, radiance_scale = shares / share, 1.0
+        scale, radiance_scale = 1.0 / odds, 1.0
         transmitted = kind == TRANSLUCENT or kind == TRANSPARENT
         ox, oy, oz = -ix, -iy, -iz
         if transmitted:
-            f0, f1, f2 = _color(numbers, codes, chosen, COLOR, COLOR_TEXTURE, pool, s, t)
+            f0, f1, f2 = lobe_color(numbers, codes, chosen, COLOR, COLOR_TEXTURE, pool, s, t)
         if kind == DIFFUSE or kind == TRANSLUCENT:
             sign = -1.0 if transmitted else 1.0
             ox, oy, oz = cosine_direction(sign * gx, sign * gy, sign * gz, xi_u, xi_v)
             if turned:
                 scale *= cos_is / cos_ig
         elif kind != TRANSPARENT:
-            roughness = float(numbers[chosen, ROUGHNESS])
-            if codes[chosen, ROUGHNESS_TEXTURE] != NO_TEXTURE:
-                roughness *= sample_texture(pool, codes[chosen, ROUGHNESS_TEXTURE], s, t)[0]
-            roughness = min(max(roughness, 0.0), 1.0)
-            alpha = roughness * roughness
+            roughness = lobe_roughness(numbers, codes, chosen, pool, s, t)
             eta = float(numbers[chosen, IOR]) if front else 1.0 / float(numbers[chosen, IOR])
-            hx, hy, hz = _facet(ix, iy, iz, sx, sy, sz, cos_is, alpha, xi_u, xi_v)
+            hx, hy, hz = _facet(ix, iy, iz, sx, sy, sz, cos_is, roughness * roughness, xi_u, xi_v)
             cos_ih = ix * hx + iy * hy + iz * hz
-            transmitted, f0, f1, f2, m0, m1, m2 = _fate(
+            transmitted, f0, f1, f2, m0, m1, m2 = facet_fate(
                 numbers, codes, chosen, part, cos_ih, eta, xi, w0, w1, w2, pool, s, t
             )
             ox, oy, oz = _image(ix, iy, iz, hx, hy, hz, eta, transmitted)
             sign = -1.0 if transmitted else 1.0
             cos_og = sign * (ox * gx + oy * gy + oz * gz)
             cos_os = sign * (ox * sx + oy * sy + oz * sz) if turned else cos_og
-            if cos_og <= 0.0 or cos_os <= 0.0:
-                scale = 0.0
-            else:
-                rough = alpha > MIRROR_ALPHA
-                if rough and not (transmitted and abs(eta - 1.0) < CLEAR):
-                    scale *= shadowing(cos_is, cos_os, alpha)
-                if turned:
-                    scale *= cos_is * cos_og / (cos_ig * cos_os)
-                if transmitted:
-                    radiance_scale = 1.0 / (eta * eta)
-                table = codes[chosen, FRONT_ENERGY if front != transmitted else BACK_ENERGY]
-                if rough and table != NO_ENERGY:
-                    f0 *= energy_factor(energies, mean_energies, table, roughness, cos_os, m0)
-                    f1 *= energy_factor(energies, mean_energies, table, roughness, cos_os, m1)
-                    f2 *= energy_factor(energies, mean_energies, table, roughness, cos_os, m2)
+            scale *= _shadowing(cos_is, cos_ig, cos_os, cos_og, roughness, turned, transmitted, eta)
+            if transmitted:
+                radiance_scale = 1.0 / (eta * eta)
+            table = codes[chosen, FRONT_ENERGY if front != transmitted else BACK_ENERGY]
+            if table != NO_ENERGY and roughness * roughness > MIRROR_ALPHA:
+                f0 *= energy_factor(energies, mean_energies, table, roughness, cos_os, m0)
+                f1 *= energy_factor(energies, mean_energies, table, roughness, cos_os, m1)
+                f2 *= energy_factor(energies, mean_energies, table, roughness, cos_os, m2)
 
         scale *= radiance_scale
         r0, r1, r2 = w0 * f0 * scale, w1 * f1 * scale, w2 * f2 * scale
-        largest = _largest(r0, r1, r2)
+        largest = largest_of(r0, r1, r2)
         if largest > WEIGHT_LIMIT:
             cap = WEIGHT_LIMIT / largest
             r0, r1, r2, largest = r0 * cap, r1 * cap, r2 * cap, WEIGHT_LIMIT
@@ -339,7 +200,7 @@ def scatter_at_lobes(
         ends = flight - bounces[row] >= MOST_PASSAGES if passes else bounces[row] >= most_bounces
         if ends:
             add_energy(energy, CUT, r0, r1, r2)
-        of = 1.0 if kind == DIFFUSE or kind == TRANSLUCENT else radiance_scale * _largest(w0, w1, w2)
+        of = 1.0 if kind == DIFFUSE or kind == TRANSLUCENT else radiance_scale * largest_of(w0, w1, w2)
         survival = min(1.0, largest / of)
         if ends or xi_survival >= survival:
             bounces[row] = _DEAD

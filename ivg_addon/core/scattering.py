@@ -1,6 +1,6 @@
 """A photon meets a surface: diffuse reflection and Russian roulette.
 
-Where there are lobes besides the diffuse one `lobe_scattering` takes over.
+What else a surface may do is left to `lobe_scattering`.
 
 A photon of weight w arrives along −ω at a surface of albedo ρ with geometric normal g and shading
 normal s, both on the side it arrives at. It is reflected with density cos θ/π around g and weight
@@ -83,7 +83,7 @@ def scatter(
         Rows `ESCAPED`, `ABSORBED`, `CUT` by channel, in `ENERGY_STEPS`; changed in place.
 
     waiting : (n, 2) int32
-        Filled with the photons that met surfaces with lobes: their row among the survivors, where `lobe_scattering`
+        Filled with the photons that met special surfaces: their row among the survivors, where `lobe_scattering`
         finds the flight that ended (but its origin), and the row of their hit.
 
     Returns
@@ -92,8 +92,8 @@ def scatter(
         The number of survivors, waiting ones included, and that of those that wait.
     """
     vertices, triangles, planes = surfaces.vertices, surfaces.triangles, surfaces.planes
-    smooth, material, reflects = surfaces.smooth, surfaces.material, surfaces.reflects
-    albedo, texture, back, has_lobes = surfaces.albedo, surfaces.texture, surfaces.back, surfaces.lobes.scatters
+    smooth, material, special = surfaces.smooth, surfaces.material, surfaces.special
+    albedo, texture, back = surfaces.albedo, surfaces.texture, surfaces.back
     bin_divisions, bin_offset = surfaces.bin_divisions, surfaces.bin_offset
     landed = np.empty(len(photons), dtype=np.int64)
     hits = 0
@@ -105,9 +105,8 @@ def scatter(
         if triangle == MISS:
             add_energy(energy, ESCAPED, w0, w1, w2)
             continue
-        surface = material[triangle]
         dx, dy, dz = float(directions[ray, 0]), float(directions[ray, 1]), float(directions[ray, 2])
-        if has_lobes[surface]:
+        if special[triangle]:
             waiting[late, 0], waiting[late, 1] = alive, ray
             late += 1
             photons[alive], bounces[alive], dark[alive] = photons[ray], bounces[ray], dark[ray]
@@ -121,13 +120,8 @@ def scatter(
         side = FRONT if cos_g > 0.0 else BACK
         landed[hits] = 2 * patch_of(triangle, u, v, bin_divisions, bin_offset) + side
         hits += 1
-        if not reflects[triangle]:
-            add_energy(energy, ABSORBED, w0, w1, w2)
-            continue
-
         # The textures' arrays are touched only where there is one: Numba counts references to them.
-        if side == BACK:
-            surface = back[surface]
+        surface = material[triangle] if side == FRONT else back[material[triangle]]
         red, green, blue = float(albedo[surface, 0]), float(albedo[surface, 1]), float(albedo[surface, 2])
         if texture[surface] != NO_TEXTURE:
             s, t = texture_coordinates(surfaces.uvs, triangle, u, v)

@@ -27,6 +27,8 @@ class Surfaces(NamedTuple):
         False for triangles whose shading normal is the geometric one everywhere.
     reflects : (nt,) bool
         False for triangles that absorb all: diffuse rays do not see them.
+    special : (nt,) bool
+        True for those, and for triangles whose materials have lobes on either side.
     back : (m,) int32
         The material that describes a material's back side; itself where both sides are alike.
     bin_divisions : (nt,) int32, bin_offset : (nt,) int64
@@ -41,6 +43,7 @@ class Surfaces(NamedTuple):
     uvs: Float32
     material: Int32
     reflects: NDArray[np.bool_]
+    special: NDArray[np.bool_]
     back: Int32
     albedo: Float32
     texture: Int32
@@ -57,6 +60,8 @@ class Surfaces(NamedTuple):
         planes = np.empty((geometry.triangle_count, 4), dtype=np.float32)
         smooth = np.empty(geometry.triangle_count, dtype=np.bool_)
         measure_triangles(geometry.vertices, geometry.triangles, geometry.corner_normals, planes, smooth)
+        lobes = LobeTable.of(materials, back)
+        reflects = scene.diffuse_visible[geometry.object]
         return cls(
             vertices=geometry.vertices,
             triangles=geometry.triangles,
@@ -65,11 +70,12 @@ class Surfaces(NamedTuple):
             corner_normals=geometry.corner_normals,
             uvs=geometry.uvs,
             material=geometry.material,
-            reflects=scene.diffuse_visible[geometry.object],
+            reflects=reflects,
+            special=~reflects | lobes.scatters[geometry.material],
             back=back,
             albedo=materials.albedo,
             texture=materials.texture,
-            lobes=LobeTable.of(materials, back),
+            lobes=lobes,
             pool=pack_textures(scene.textures),
             bin_divisions=bins.divisions,
             bin_offset=bins.offset,

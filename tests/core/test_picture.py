@@ -139,6 +139,14 @@ def test_textures_colour_the_light() -> None:
     np.testing.assert_allclose(picture.light, np.broadcast_to(RHO * pixels * RADIANCE, (8, 8, 3)), rtol=1e-5)
 
 
+@pytest.mark.parametrize(("part", "color"), [(wall(1.0), RHO), (rooms.box(LOW, HIGH), (0.5, 0.25, 0.125))])
+def test_each_side_shows_its_own_colour(part: rooms.Part, color: np.ndarray) -> None:
+    """The camera sees the wall's front, and a box from inside."""
+    scene = rooms.scene([part], albedo=[RHO, (0.5, 0.25, 0.125)])
+    two = replace(scene, materials=replace(scene.materials, back=np.array([1, 1], dtype=np.int32)))
+    np.testing.assert_allclose(shade(two).color, np.broadcast_to(color, (8, 8, 3)), rtol=1e-5)
+
+
 def test_the_number_of_threads_changes_no_bit() -> None:
     scene = rooms.scene([rooms.ball(rounds=2), rooms.box(LOW, HIGH, inward=True)], albedo=[RHO])
     view = camera(width=64, height=64, filter=PixelFilter.BLACKMAN_HARRIS, filter_width=1.5)

@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ivg_addon.core.embree import MISS
+from ivg_addon.core.lobe_scattering import scatter_at_lobes
 from ivg_addon.core.scattering import ABSORBED, CUT, ENERGY_STEPS, ESCAPED, scatter
 from ivg_addon.core.scene import Scene
 from ivg_addon.core.surface_bins import BACK, FRONT, SurfaceBins
@@ -58,10 +59,8 @@ def meet(of: Scene, directions: Float64, weights: Float64, seed: int = 0, last: 
     hits = (np.full(n, hit, dtype=np.int32), u, v)
     bounces, dark = np.ones(n, dtype=np.int16), np.zeros(n, dtype=np.float32)
     most, waiting = 1 if last else 2, np.empty((n, 2), dtype=np.int32)
-    alive, late = scatter(
-        photons, *flights, bounces, dark, *hits, seed, 1, most, Surfaces.of(of, bins), counts, energy, waiting
-    )
-    assert late == 0
+    rest = (photons, *flights, bounces, dark, *hits, seed, 1, most, Surfaces.of(of, bins), counts, energy, waiting)
+    alive = scatter_at_lobes(*rest, *scatter(*rest))
     assert (bounces[:alive] == 2).all()
     o, d, w = (a[:alive].astype(np.float64) for a in flights)
     return Outcome(photons[:alive], o, d, w, energy / (ENERGY_STEPS * n), counts)

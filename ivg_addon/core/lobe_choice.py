@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which of a surface's lobes a photon follows, and what a facet does with it.
+
+A lobe is picked with probability proportional to what it roughly sends on, in the channel where that is most, and
+its exact weight is divided by that probability.
+
+As Cycles sees it, the shader of the side from which a surface is seen decides. So what is reflected is told by the
+row of the side that a photon meets, what is let through by the row of the side that it leaves by.
+"""
+
+from __future__ import annotations
+
+from .compiled import inlined, merged
+from .lobes import (
+    COLOR,
+    COLOR_TEXTURE,
+    FRESNEL,
+    IOR,
+    KIND,
+    MEAN_FRESNEL,
+    ROUGHNESS,
+    ROUGHNESS_TEXTURE,
+    SECOND,
+    SECOND_TEXTURE,
+    UNWEIGHTED,
+)
+from .microfacets import dielectric_reflectance, fresnel_factor
+from .scene import GLASS, GLOSSY, NO_TEXTURE, NONE, REFRACTION, TRANSPARENT
+from .textures import sample_texture
+
+DIFFUSE = -1
+"""Stands for the row of a lobe: the diffuse one is none of them."""
+
+_REFLECTS, _TRANSMITS = 1, 2
+"""What a row of the table is asked for: what it sends back, what it lets through, the sum for both."""
+_LEAST_FACTOR = 0.05
+"""Facets turned elsewhere than the surface have other Fresnel factors: none is taken for nothing."""
+
+
+@inlined
+def largest_of(a, b, c):
+    """Return the largest of three numbers."""
+    return max(a, max(b, c))
+
+
+@merged
+def lobe_color(numbers, codes, lobe, column, texture_column, pool, s, t):
+    """Return one of a lobe's colours at texture coordinates."""
+    red = float(numbers[lobe, column])
+    green = float(numbers[lobe, column + 1])
+    blue = float(numbers[lobe, column + 2])
+    index = codes[lobe, texture_column]
+    if index != NO_TEXTURE:
+        a, b, c = sample_texture(pool, index, s, t)
+        red, green, blue = red * a, green * b, blue * c
+    return red, green, blue
+
+
+@merged
+def _share(numbers, codes, lobe, part, front, cosine, w0, w1, w2, pool, s, t):
+    """Return roughly what a lobe sends on of the weights, in the channel where that is most; 0 only where it is 0.
+
+    `part` is `_REFLECTS`, `_TRANSMITS` or both, `cosine` that of the arriving light to the shading normal, 0 where
+    nothing but transparency counts.
+    """
+    kind = codes[lobe, KIND]
+    reflects = part & _REFLECTS != 0 and (kind == GLOSSY or kind == GLASS)
+    transmits = part & _TRANSMITS != 0 and kind != GLOSSY
+    share = 0.0
+    if (reflects or transmits) and (cosine > 0.0 or kind == TRANSPARENT):
+        red, green, blue = lobe_color(numbers, codes, lobe, COLOR, COLOR_TEXTURE, pool, s, t)
+        if kind == GLOSSY or kind == GLASS:
+            a, b, c = lobe_color(numbers, codes, lobe, SECOND, SECOND_TEXTURE, pool, s, t)
+            ior = float(numbers[lobe, IOR])
+            if kind == GLOSSY:
+                sent = fresnel_factor(codes[lobe, FRESNEL], cosine, ior)
+                kept = 1.0 - sent
+            else:
+                kept = dielectric_reflectance(cosine, ior if front else 1.0 / ior)
+                sent = 1.0 - kept
+            if kind == GLASS or codes[lobe, FRESNEL] != NONE:
+                kept, sent = max(kept, _LEAST_FACTOR), max(sent, _LEAST_FACTOR)
+            if kind == GLASS:
+                kept = kept if reflects else 0.0
+                sent = sent if transmits else 0.0
+            red, green, blue = red * kept + a * sent, green * kept + b * sent, blue * kept + c * sent
+        share = max(0.0, largest_of(w0 * red, w1 * green, w2 * blue))
+    return share
+
+
+@merged
+def pick_lobe(first, codes, numbers, near, far, front, cosine, diffuse_share, w0, w1, w2, xi, pool, s, t):
+    """Pick one lobe of all, by one number that is uniform again after each.
+
+    `near` and `far` are the materials of the side that light meets and of the other; the rest as for `_share`.
+
+    Returns
+    -------
+    lobe, part : int
+        `DIFFUSE` or a row, and what of that; see `_share`.
+    odds : float
+        The probability that it is this one; 0 where there is none.
+    xi : float
+        Uniform anew.
+    """
+    chosen, chosen_part, share, shares = DIFFUSE, _REFLECTS, diffuse_share, diffuse_share
+    of_near = first[near + 1] - first[near]
+    of_far = 0 if near == far else first[far + 1] - first[far]
+    for candidate in range(of_near + of_far):
+        met = candidate < of_near
+        lobe = first[near] + candidate if met else first[far] + candidate - of_near
+        part = _REFLECTS | _TRANSMITS if near == far else (_REFLECTS if met else _TRANSMITS)
+        its_share = _share(numbers, codes, lobe, part, front, cosine, w0, w1, w2, pool, s, t)
+        if its_share == 0.0:
+            continue
+        shares += its_share
+        odds = its_share / shares
+        if xi < odds:
+            chosen, chosen_part, share, xi = lobe, part, its_share, xi / odds
+        else:
+            xi = (xi - odds) / (1.0 - odds)
+    return chosen, chosen_part, (share / shares if shares > 0.0 else 0.0), xi
+
+
+@merged
+def lobe_roughness(numbers, codes, lobe, pool, s, t):
+    """Return a lobe's roughness at texture coordinates, in [0, 1]."""
+    roughness = float(numbers[lobe, ROUGHNESS])
+    if codes[lobe, ROUGHNESS_TEXTURE] != NO_TEXTURE:
+        roughness *= sample_texture(pool, codes[lobe, ROUGHNESS_TEXTURE], s, t)[0]
+    return min(max(roughness, 0.0), 1.0)
+
+
+@merged
+def facet_fate(numbers, codes, lobe, part, cosine, eta, xi, w0, w1, w2, pool, s, t):
+    """Tell what a facet does with light at this cosine: sends back or lets through, what of each channel, and more.
+
+    Returns
+    -------
+    transmitted : bool
+    red, green, blue : float
+        Divided by the probability that it was this.
+    mean_red, mean_green, mean_blue : float
+        Fss of `microfacets`.
+    """
+    kind = codes[lobe, KIND]
+    red, green, blue = lobe_color(numbers, codes, lobe, COLOR, COLOR_TEXTURE, pool, s, t)
+    a, b, c = red, green, blue
+    transmitted = False
+    if kind == REFRACTION:
+        transmitted = True
+        if dielectric_reflectance(cosine, eta) >= 1.0:
+            red, green, blue = 0.0, 0.0, 0.0
+    else:
+        a, b, c = lobe_color(numbers, codes, lobe, SECOND, SECOND_TEXTURE, pool, s, t)
+    m0, m1, m2 = a, b, c
+    if kind == GLOSSY:
+        mean = float(numbers[lobe, MEAN_FRESNEL])
+        m0, m1, m2 = red + (a - red) * mean, green + (b - green) * mean, blue + (c - blue) * mean
+        factor = fresnel_factor(codes[lobe, FRESNEL], cosine, float(numbers[lobe, IOR]))
+        red, green, blue = red + (a - red) * factor, green + (b - green) * factor, blue + (c - blue) * factor
+    elif kind == GLASS:
+        factor = dielectric_reflectance(cosine, eta)
+        red, green, blue = red * factor, green * factor, blue * factor
+        a, b, c = a * (1.0 - factor), b * (1.0 - factor), c * (1.0 - factor)
+        transmitted = part == _TRANSMITS
+        scale = 1.0
+        if part == _REFLECTS | _TRANSMITS:
+            kept, sent = largest_of(w0 * red, w1 * green, w2 * blue), largest_of(w0 * a, w1 * b, w2 * c)
+            transmitted = xi * (kept + sent) >= kept
+            likely = sent if transmitted else kept
+            scale = (kept + sent) / likely if likely > 0.0 else 0.0
+        if transmitted:
+            red, green, blue = a, b, c
+        red, green, blue = red * scale, green * scale, blue * scale
+    u0, u1, u2 = numbers[lobe, UNWEIGHTED], numbers[lobe, UNWEIGHTED + 1], numbers[lobe, UNWEIGHTED + 2]
+    return transmitted, red, green, blue, min(m0 * u0, 1.0), min(m1 * u1, 1.0), min(m2 * u2, 1.0)
