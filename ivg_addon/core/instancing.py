@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import MemoryLimitError
-from .geometry_checks import sound_triangles
 from .memory import require
-from .placing import measure_areas, place_normals
+from .placing import measure_areas, place_normals, sound_triangles
 from .progress import Progress
 from .scene import Float32, Geometry, Int32
 

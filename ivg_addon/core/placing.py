@@ -1,13 +1,22 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Kernels that put meshes into world space: areas and shading normals of their triangles."""
+"""Triangles in world space: which of them can be lit, and their shading normals."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .compiled import kernel, merged
+
+SMALLEST_AREA = 1e-18
+"""Square metres, a square nanometre: below it, products of edges vanish in float32."""
+
+
+def sound_triangles(areas: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell which triangles to keep, (n,) bool, given their areas from `measure_areas`: finite, and with an area."""
+    return np.isfinite(areas) & (areas >= SMALLEST_AREA)
 
 
 @kernel
@@ -64,9 +73,9 @@ def place_normals(vertices, triangles, corners, source, corner_normals, transfor
             if smooth:
                 corner = corners[row, c]
                 nx, ny, nz = (
-                    float(corner_normals[corner, 0]),
-                    float(corner_normals[corner, 1]),
-                    float(corner_normals[corner, 2]),
+                    np.float64(corner_normals[corner, 0]),
+                    np.float64(corner_normals[corner, 1]),
+                    np.float64(corner_normals[corner, 2]),
                 )
                 x = transforms[which, 0, 0] * nx + transforms[which, 0, 1] * ny + transforms[which, 0, 2] * nz
                 y = transforms[which, 1, 0] * nx + transforms[which, 1, 1] * ny + transforms[which, 1, 2] * nz
@@ -85,7 +94,7 @@ def place_normals(vertices, triangles, corners, source, corner_normals, transfor
 def _doubled_area_vector(vertices, triangles, triangle):
     """Return the normal of a triangle, as long as twice its area."""
     p, q, r = triangles[triangle, 0], triangles[triangle, 1], triangles[triangle, 2]
-    px, py, pz = float(vertices[p, 0]), float(vertices[p, 1]), float(vertices[p, 2])
-    ax, ay, az = float(vertices[q, 0]) - px, float(vertices[q, 1]) - py, float(vertices[q, 2]) - pz
-    bx, by, bz = float(vertices[r, 0]) - px, float(vertices[r, 1]) - py, float(vertices[r, 2]) - pz
+    px, py, pz = np.float64(vertices[p, 0]), np.float64(vertices[p, 1]), np.float64(vertices[p, 2])
+    ax, ay, az = np.float64(vertices[q, 0]) - px, np.float64(vertices[q, 1]) - py, np.float64(vertices[q, 2]) - pz
+    bx, by, bz = np.float64(vertices[r, 0]) - px, np.float64(vertices[r, 1]) - py, np.float64(vertices[r, 2]) - pz
     return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx

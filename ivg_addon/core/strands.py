@@ -274,8 +274,8 @@ def _on_strand(positions, radii, smooth, first, last, key, t, rings, row):
         w0, w1 = 0.5 * (-t + 2 * t**2 - t**3), 0.5 * (2 - 5 * t**2 + 3 * t**3)
         w2, w3 = 0.5 * (t + 4 * t**2 - 3 * t**3), 0.5 * (-(t**2) + t**3)
     for axis in range(3):
-        a, b = float(positions[before, axis]), float(positions[key, axis])
-        c, d = float(positions[key + 1, axis]), float(positions[after, axis])
+        a, b = np.float64(positions[before, axis]), np.float64(positions[key, axis])
+        c, d = np.float64(positions[key + 1, axis]), np.float64(positions[after, axis])
         rings[row, axis] = w0 * a + w1 * b + w2 * c + w3 * d
     radius = w0 * radii[before] + w1 * radii[key] + w2 * radii[key + 1] + w3 * radii[after]
     rings[row, 3] = max(0.0, radius)

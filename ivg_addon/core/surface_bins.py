@@ -80,9 +80,9 @@ def measure_edges(vertices, triangles, longest):
         squared = 0.0
         for c in range(1, 3):
             q = triangles[triangle, c]
-            x = float(vertices[q, 0]) - float(vertices[p, 0])
-            y = float(vertices[q, 1]) - float(vertices[p, 1])
-            z = float(vertices[q, 2]) - float(vertices[p, 2])
+            x = np.float64(vertices[q, 0]) - np.float64(vertices[p, 0])
+            y = np.float64(vertices[q, 1]) - np.float64(vertices[p, 1])
+            z = np.float64(vertices[q, 2]) - np.float64(vertices[p, 2])
             squared = max(squared, x * x + y * y + z * z)
         longest[triangle] = np.sqrt(squared)
 
