@@ -96,7 +96,7 @@ def _energy_tables(lobes: Lobes, ior: Float32) -> tuple[Int32, tuple[float, ...]
 
 @lru_cache(maxsize=4)
 def _energies(etas: tuple[float, ...]) -> tuple[Float32, Float32]:
-    """Tabulate E and Ē for indices of refraction; 30 ms each."""
+    """Tabulate E and Ē for indices of refraction; 0.1 s each."""
     energy = np.empty((len(etas), ENERGY_STEPS_ROUGHNESS, ENERGY_STEPS_COSINE), dtype=np.float32)
     mean = np.empty((len(etas), ENERGY_STEPS_ROUGHNESS), dtype=np.float32)
     fill_energy(np.array(etas, dtype=np.float64), energy, mean)
