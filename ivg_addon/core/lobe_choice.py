@@ -43,21 +43,32 @@ def largest_of(a, b, c):
     return max(a, max(b, c))
 
 
-@merged
-def lobe_color(numbers, codes, lobe, column, texture_column, pool, s, t):
-    """Return one of a lobe's colours at texture coordinates."""
-    red = float(numbers[lobe, column])
-    green = float(numbers[lobe, column + 1])
-    blue = float(numbers[lobe, column + 2])
-    index = codes[lobe, texture_column]
-    if index != NO_TEXTURE:
-        a, b, c = sample_texture(pool, index, s, t)
-        red, green, blue = red * a, green * b, blue * c
-    return red, green, blue
+@inlined
+def look_up_lobes(own, numbers, codes, start, stop, pool, s, t):
+    """Write rows start … stop − 1 of the table to `own`, multiplied by their textures at texture coordinates s, t."""
+    for lobe in range(start, stop):
+        for colour in range(2):
+            index = codes[lobe, COLOR_TEXTURE if colour == 0 else SECOND_TEXTURE]
+            column = COLOR if colour == 0 else SECOND
+            if index != NO_TEXTURE:
+                red, green, blue = sample_texture(pool, index, s, t)
+                own[lobe, column] = numbers[lobe, column] * red
+                own[lobe, column + 1] = numbers[lobe, column + 1] * green
+                own[lobe, column + 2] = numbers[lobe, column + 2] * blue
+        index = codes[lobe, ROUGHNESS_TEXTURE]
+        if index != NO_TEXTURE:
+            red, _, _ = sample_texture(pool, index, s, t)
+            own[lobe, ROUGHNESS] = min(max(numbers[lobe, ROUGHNESS] * red, 0.0), 1.0)
 
 
 @merged
-def _share(numbers, codes, lobe, part, front, cosine, w0, w1, w2, pool, s, t):
+def lobe_color(numbers, lobe, column):
+    """Return one of a lobe's colours."""
+    return float(numbers[lobe, column]), float(numbers[lobe, column + 1]), float(numbers[lobe, column + 2])
+
+
+@merged
+def _share(numbers, codes, lobe, part, front, cosine, w0, w1, w2):
     """Return roughly what a lobe sends on of the weights, in the channel where that is most; 0 only where it is 0.
 
     `part` is `_REFLECTS`, `_TRANSMITS` or both, `cosine` that of the arriving light to the shading normal, 0 where
@@ -68,9 +79,9 @@ def _share(numbers, codes, lobe, part, front, cosine, w0, w1, w2, pool, s, t):
     transmits = part & _TRANSMITS != 0 and kind != GLOSSY
     share = 0.0
     if (reflects or transmits) and (cosine > 0.0 or kind == TRANSPARENT):
-        red, green, blue = lobe_color(numbers, codes, lobe, COLOR, COLOR_TEXTURE, pool, s, t)
+        red, green, blue = lobe_color(numbers, lobe, COLOR)
         if kind == GLOSSY or kind == GLASS:
-            a, b, c = lobe_color(numbers, codes, lobe, SECOND, SECOND_TEXTURE, pool, s, t)
+            a, b, c = lobe_color(numbers, lobe, SECOND)
             ior = float(numbers[lobe, IOR])
             if kind == GLOSSY:
                 sent = fresnel_factor(codes[lobe, FRESNEL], cosine, ior)
@@ -89,7 +100,7 @@ def _share(numbers, codes, lobe, part, front, cosine, w0, w1, w2, pool, s, t):
 
 
 @merged
-def pick_lobe(first, codes, numbers, near, far, front, cosine, diffuse_share, w0, w1, w2, xi, pool, s, t):
+def pick_lobe(first, codes, numbers, near, far, front, cosine, diffuse_share, w0, w1, w2, xi):
     """Pick one lobe of all, by one number that is uniform again after each.
 
     `near` and `far` are the materials of the side that light meets and of the other; the rest as for `_share`.
@@ -110,7 +121,7 @@ def pick_lobe(first, codes, numbers, near, far, front, cosine, diffuse_share, w0
         met = candidate < of_near
         lobe = first[near] + candidate if met else first[far] + candidate - of_near
         part = _REFLECTS | _TRANSMITS if near == far else (_REFLECTS if met else _TRANSMITS)
-        its_share = _share(numbers, codes, lobe, part, front, cosine, w0, w1, w2, pool, s, t)
+        its_share = _share(numbers, codes, lobe, part, front, cosine, w0, w1, w2)
         if its_share == 0.0:
             continue
         shares += its_share
@@ -123,16 +134,7 @@ def pick_lobe(first, codes, numbers, near, far, front, cosine, diffuse_share, w0
 
 
 @merged
-def lobe_roughness(numbers, codes, lobe, pool, s, t):
-    """Return a lobe's roughness at texture coordinates, in [0, 1]."""
-    roughness = float(numbers[lobe, ROUGHNESS])
-    if codes[lobe, ROUGHNESS_TEXTURE] != NO_TEXTURE:
-        roughness *= sample_texture(pool, codes[lobe, ROUGHNESS_TEXTURE], s, t)[0]
-    return min(max(roughness, 0.0), 1.0)
-
-
-@merged
-def facet_fate(numbers, codes, lobe, part, cosine, eta, xi, w0, w1, w2, pool, s, t):
+def facet_fate(numbers, codes, lobe, part, cosine, eta, xi, w0, w1, w2):
     """Tell what a facet does with light at this cosine: sends back or lets through, what of each channel, and more.
 
     Returns
@@ -144,7 +146,7 @@ def facet_fate(numbers, codes, lobe, part, cosine, eta, xi, w0, w1, w2, pool, s,
         Fss of `microfacets`.
     """
     kind = codes[lobe, KIND]
-    red, green, blue = lobe_color(numbers, codes, lobe, COLOR, COLOR_TEXTURE, pool, s, t)
+    red, green, blue = lobe_color(numbers, lobe, COLOR)
     a, b, c = red, green, blue
     transmitted = False
     if kind == REFRACTION:
@@ -152,7 +154,7 @@ def facet_fate(numbers, codes, lobe, part, cosine, eta, xi, w0, w1, w2, pool, s,
         if dielectric_reflectance(cosine, eta) >= 1.0:
             red, green, blue = 0.0, 0.0, 0.0
     else:
-        a, b, c = lobe_color(numbers, codes, lobe, SECOND, SECOND_TEXTURE, pool, s, t)
+        a, b, c = lobe_color(numbers, lobe, SECOND)
     m0, m1, m2 = a, b, c
     if kind == GLOSSY:
         mean = float(numbers[lobe, MEAN_FRESNEL])

@@ -28,8 +28,8 @@ instead, so that their mirror image stays above the surface.
 from __future__ import annotations
 
 from .compiled import inlined, kernel, merged
-from .lobe_choice import DIFFUSE, facet_fate, largest_of, lobe_color, lobe_roughness, pick_lobe
-from .lobes import BACK_ENERGY, COLOR, COLOR_TEXTURE, FRONT_ENERGY, IOR, KIND, NO_ENERGY
+from .lobe_choice import DIFFUSE, facet_fate, largest_of, lobe_color, look_up_lobes, pick_lobe
+from .lobes import BACK_ENERGY, COLOR, FRONT_ENERGY, IOR, KIND, NO_ENERGY, ROUGHNESS
 from .microfacets import CLEAR, MIRROR_ALPHA, energy_factor, refracted_cosine, shadowing, visible_normal
 from .random import STREAM_SCATTER, random4
 from .scattering import ABSORBED, CUT, ESCAPED, add_energy, store
@@ -109,8 +109,10 @@ def scatter_at_lobes(
     vertices, triangles, planes, uvs = surfaces.vertices, surfaces.triangles, surfaces.planes, surfaces.uvs
     smooth, material, reflects, back = surfaces.smooth, surfaces.material, surfaces.reflects, surfaces.back
     albedo, texture, corner_normals = surfaces.albedo, surfaces.texture, surfaces.corner_normals
-    bin_divisions, bin_offset, pool = surfaces.bin_divisions, surfaces.bin_offset, surfaces.pool
-    first, codes, numbers = surfaces.lobes.first, surfaces.lobes.codes, surfaces.lobes.numbers
+    bin_divisions, bin_offset = surfaces.bin_divisions, surfaces.bin_offset
+    first, codes, textured = surfaces.lobes.first, surfaces.lobes.codes, surfaces.lobes.textured
+    # The table as it is where the photon is: texture by texture looked up.
+    numbers = surfaces.lobes.numbers.copy()
     energies, mean_energies = surfaces.lobes.energy, surfaces.lobes.mean_energy
     for index in range(late - 1, -1, -1):
         row, ray = waiting[index, 0], waiting[index, 1]
@@ -146,11 +148,16 @@ def scatter_at_lobes(
         if scatters:
             f0, f1, f2 = float(albedo[near, 0]), float(albedo[near, 1]), float(albedo[near, 2])
             if texture[near] != NO_TEXTURE:
-                f0, f1, f2 = surface_albedo(near, s, t, albedo, texture, pool)
+                f0, f1, f2 = surface_albedo(near, s, t, albedo, texture, surfaces.pool)
             diffuse_share = largest_of(w0 * f0, w1 * f1, w2 * f2)
+        for described in (near, far):
+            if textured[described]:
+                look_up_lobes(
+                    numbers, surfaces.lobes.numbers, codes, first[described], first[described + 1], surfaces.pool, s, t
+                )
         cosine = cos_is if scatters else 0.0
         chosen, part, odds, xi = pick_lobe(
-            first, codes, numbers, near, far, front, cosine, diffuse_share, w0, w1, w2, xi, pool, s, t
+            first, codes, numbers, near, far, front, cosine, diffuse_share, w0, w1, w2, xi
         )
         if odds == 0.0:
             add_energy(energy, ABSORBED if lit else ESCAPED, w0, w1, w2)
@@ -162,20 +169,18 @@ def scatter_at_lobes(
         transmitted = kind == TRANSLUCENT or kind == TRANSPARENT
         ox, oy, oz = -ix, -iy, -iz
         if transmitted:
-            f0, f1, f2 = lobe_color(numbers, codes, chosen, COLOR, COLOR_TEXTURE, pool, s, t)
+            f0, f1, f2 = lobe_color(numbers, chosen, COLOR)
         if kind == DIFFUSE or kind == TRANSLUCENT:
             sign = -1.0 if transmitted else 1.0
             ox, oy, oz = cosine_direction(sign * gx, sign * gy, sign * gz, xi_u, xi_v)
             if turned:
                 scale *= cos_is / cos_ig
         elif kind != TRANSPARENT:
-            roughness = lobe_roughness(numbers, codes, chosen, pool, s, t)
+            roughness = float(numbers[chosen, ROUGHNESS])
             eta = float(numbers[chosen, IOR]) if front else 1.0 / float(numbers[chosen, IOR])
             hx, hy, hz = _facet(ix, iy, iz, sx, sy, sz, cos_is, roughness * roughness, xi_u, xi_v)
             cos_ih = ix * hx + iy * hy + iz * hz
-            transmitted, f0, f1, f2, m0, m1, m2 = facet_fate(
-                numbers, codes, chosen, part, cos_ih, eta, xi, w0, w1, w2, pool, s, t
-            )
+            transmitted, f0, f1, f2, m0, m1, m2 = facet_fate(numbers, codes, chosen, part, cos_ih, eta, xi, w0, w1, w2)
             ox, oy, oz = _image(ix, iy, iz, hx, hy, hz, eta, transmitted)
             sign = -1.0 if transmitted else 1.0
             cos_og = sign * (ox * gx + oy * gy + oz * gz)

@@ -39,7 +39,7 @@ CLEAR = 1e-4
 ENERGY_STEPS_ROUGHNESS = ENERGY_STEPS_COSINE = 32
 """Entries of an energy table, the first at 0 and the last at 1."""
 
-_AROUND, _UP = 16, 128
+_AROUND, _UP = 32, 128
 """Facets of the quadrature: few lie so steep that they send light below the horizon, many must be asked."""
 _GRAZING = 1e-4
 
