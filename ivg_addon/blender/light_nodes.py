@@ -267,13 +267,18 @@ def _note_limits(light: bpy.types.Light, notes: Notes) -> None:
     """Say what a pattern cannot hold of a light's nodes."""
     for node in nodes_in(light.node_tree):
         linked = {output.name for output in node.outputs if output.is_linked}
-        smooth = node.inputs.get("Smooth") if node.type == "LIGHT_FALLOFF" else None
-        if (smooth is not None and (linked & _BY_DISTANCE or smooth.is_linked or smooth.default_value > 0.0)) or (
-            node.type == "LIGHT_PATH" and "Ray Length" in linked
-        ):
+        if light.type != "SUN" and _knows_distance(node, linked):
             notes.add("simplified", "falls off with the square of the distance, from what its nodes give at 1 m")
         if light.type == "AREA" and (node.type in _BY_DIRECTION or "Incoming" in linked):
             notes.add("simplified", "from all sides as bright as its nodes make it straight on")
     places = any(node.type.startswith("TEX_") or node.type == "NEW_GEOMETRY" for node in nodes_in(light.node_tree))
     if light.type == "SUN" and light.angle > 0.0 and places:
         notes.add("simplified", "all of its disc as bright as its nodes make the middle")
+
+
+def _knows_distance(node: bpy.types.Node, linked: set[str]) -> bool:
+    """Tell whether a node's linked outputs depend on the distance otherwise than light does by itself."""
+    if node.type == "LIGHT_FALLOFF":
+        smooth = node.inputs["Smooth"]
+        return bool(linked & _BY_DISTANCE or (linked and (smooth.is_linked or smooth.default_value > 0.0)))
+    return node.type == "LIGHT_PATH" and "Ray Length" in linked
