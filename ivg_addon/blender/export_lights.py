@@ -207,17 +207,21 @@ def _sun(light: bpy.types.SunLight, matrix: Float64, strength: Float64) -> tuple
     }
 
 
+_LIGHT_OF = {AreaLights: "radiance", PointLights: "intensity", SunLights: "irradiance"}
 _CONVERSIONS = {"AREA": _area, "POINT": _point, "SPOT": _point, "SUN": _sun}
 
 
 def _nowhere(kind: type, row: Row) -> str:
-    """Return why a light has no place to shine from, in Cycles neither; empty if it has."""
+    """Return why a light cannot shine, in Cycles neither; empty if it can."""
     if kind is AreaLights and not (row["edge_u"].any() and row["edge_v"].any()):
         return "has no area: give it a size"
     if "direction" in row and not row["direction"].any():
         return "is scaled to nothing along its axis"
     if kind is PointLights and not abs(np.linalg.det(row["axes"])) > 0.0:
         return "is scaled to nothing along one of its axes"
+    with np.errstate(over="ignore"):
+        if not np.isfinite(np.float32(row[_LIGHT_OF[kind]])).all():
+            return "is brighter than single precision can say: lower its power"
     return ""
 
 
