@@ -78,7 +78,7 @@ def export_render_steps(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer)
     MemoryLimitError
         When the geometry with all instances does not fit.
     """
-    node_lights = yield from light_node_steps(scene)
+    node_lights = yield from light_node_steps(scene, view_layer)
     yield Progress("Evaluating the scene", 0.0)
     reading = with_render_depsgraph(
         scene, view_layer, lambda depsgraph, stop: _drain(_read_steps(depsgraph, node_lights), stop)

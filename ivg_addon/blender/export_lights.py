@@ -135,7 +135,9 @@ def _export(
         return None
     _note_differences(light, matrix, notes)
     if node_light is not None and node_light.pattern is not None and kind is PointLights:
-        row |= {"axes": frame(matrix), "cos_half_angle": math.cos(half_angle(light.data, matrix)), "blend": 0.0}
+        if abs(node_light.half_angle - half_angle(light.data, matrix)) > _SHEARED:
+            notes.add("simplified", "its cone is as wide as that of its first instance")
+        row |= {"axes": frame(matrix), "cos_half_angle": math.cos(node_light.half_angle), "blend": 0.0}
     return kind, row
 
 

@@ -63,12 +63,15 @@ class NodeLight:
         What they multiply the light by, where it shines evenly; else one.
     pattern
         What they multiply it by else, the fading of a spot's cone included.
+    half_angle
+        The angle that the pattern reaches out to; of no meaning without one, or for an area light.
     notices
         What the pattern cannot hold.
     """
 
     colour: Float64
     pattern: Pattern | None
+    half_angle: float
     notices: tuple[Notice, ...]
 
 
@@ -97,7 +100,9 @@ def half_angle(light: bpy.types.Light, matrix: Float64) -> float:
     return math.atan2(across, max(along, 0.0))
 
 
-def light_node_steps(scene: bpy.types.Scene) -> Generator[Progress, None, dict[str, NodeLight]]:
+def light_node_steps(
+    scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer
+) -> Generator[Progress, None, dict[str, NodeLight]]:
     """Measure the lights of a scene whose nodes are no constant; return what was found by the objects' full names.
 
     The file is as it was whenever this yields, ends or fails.
@@ -112,6 +117,8 @@ def light_node_steps(scene: bpy.types.Scene) -> Generator[Progress, None, dict[s
     if not hasattr(scene, "cycles"):
         return found
     names = [shown.name_full for shown in _lights(scene) if _varies(shown.data)]
+    if names:
+        view_layer.update()  # places of objects are those of the last evaluation
     for index, name in enumerate(names):
         shown = next((item for item in bpy.data.objects if item.name_full == name), None)
         if shown is None or shown.type != "LIGHT":
@@ -128,7 +135,7 @@ def light_node_steps(scene: bpy.types.Scene) -> Generator[Progress, None, dict[s
             _known.popitem(last=False)
         if key not in made:
             made[key] = _colour_or_pattern(shown.data, matrix, _known[key])
-        found[name] = _node_light(shown, *made[key])
+        found[name] = _node_light(shown, *made[key], half_angle(shown.data, matrix))
     return found
 
 
@@ -158,6 +165,8 @@ def _varies(light: bpy.types.Light) -> bool:
 
 def _matrix(shown: bpy.types.Object) -> Float64:
     """Return where a light is measured: where it is if its nodes can tell, else at the origin and a metre in size."""
+    # What the viewport hides is not evaluated; its own transform is right all the same.
+    placed = shown.matrix_world if shown.parent or shown.constraints else shown.matrix_basis
     for node in nodes_in(shown.data.node_tree):
         linked = {output.name for output in node.outputs if output.is_linked}
         vector = node.inputs.get("Vector")
@@ -167,8 +176,8 @@ def _matrix(shown: bpy.types.Object) -> Float64:
             or (node.type == "TEX_COORD" and (node.object is not None or linked - {"UV", "Normal", "Object"}))
             or (node.type.startswith("TEX_") and node.type != "TEX_IES" and vector is not None and not vector.is_linked)
         ):
-            return np.array(shown.matrix_world, dtype=np.float64)
-    scale = np.array(shown.matrix_world.to_scale(), dtype=np.float64)
+            return np.array(placed, dtype=np.float64)
+    scale = np.array(placed.to_scale(), dtype=np.float64)
     if shown.data.type == "AREA":
         # Its nodes know places in its own space, whatever its scale; the quads have a size of their own.
         scale /= max(np.abs(scale[:2] * _sizes(shown.data)).max(), 1e-30)
@@ -247,11 +256,11 @@ def _colour_or_pattern(
     return np.ones(3), Pattern(np.maximum(factor, 0.0))
 
 
-def _node_light(shown: bpy.types.Object, colour: Float64, pattern: Pattern | None) -> NodeLight:
+def _node_light(shown: bpy.types.Object, colour: Float64, pattern: Pattern | None, angle: float) -> NodeLight:
     """Say what the pattern cannot hold."""
     notes = Notes(f"light '{shown.name}'")
     _note_limits(shown.data, notes)
-    return NodeLight(colour, pattern, notes.notices)
+    return NodeLight(colour, pattern, angle, notes.notices)
 
 
 def _attenuation(light: bpy.types.SpotLight, matrix: Float64) -> Float64:

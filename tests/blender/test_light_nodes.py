@@ -51,13 +51,17 @@ def lamp(kind: str, node: str, output: str, *, into: str = "Strength", **setting
     return made
 
 
+def found() -> dict[str, NodeLight]:
+    return finish(light_node_steps(bpy.context.scene, bpy.context.view_layer))
+
+
 def measured() -> NodeLight:
-    (light,) = finish(light_node_steps(bpy.context.scene)).values()
+    (light,) = found().values()
     return light
 
 
 def exported() -> tuple:
-    return export_lights(bpy.context.evaluated_depsgraph_get(), evaluated=finish(light_node_steps(bpy.context.scene)))
+    return export_lights(bpy.context.evaluated_depsgraph_get(), evaluated=found())
 
 
 KINDS = [
@@ -164,7 +168,7 @@ def test_the_file_is_left_as_it_was() -> None:
 
     lamp("AREA", "ShaderNodeTexCoord", "UV", into="Color")
     before = everything()
-    for _ in light_node_steps(bpy.context.scene):
+    for _ in light_node_steps(bpy.context.scene, bpy.context.view_layer):
         assert everything() == before
     assert everything() == before
 

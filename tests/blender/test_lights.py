@@ -274,7 +274,7 @@ def rules_of(*objects: str) -> tuple[Lights, LightRules | None]:
     depsgraph = bpy.context.evaluated_depsgraph_get()
     lights, notices = export_lights(depsgraph, linking)
     assert notices == linking.notices == ()
-    return lights, linking.rules(objects, depsgraph)
+    return lights, linking.rules(objects, [True] * len(objects), depsgraph)
 
 
 def bits(masks: np.ndarray, group: int) -> list[bool]:
