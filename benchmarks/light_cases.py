@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import bpy
 
-from .battery.nodes import Colour, emission, material, node, set_world
+from .battery.nodes import Colour, Maker, emission, material, node, set_light_nodes, set_world
 from .battery.stage import Vec3, add_object, card_mesh
 
 COLOR = (0.9, 0.5, 0.2)
@@ -35,8 +35,15 @@ class LightCase:
     build: Callable[[], None]
 
 
-def light(kind: str, *, plate: bool = False, scale: Vec3 = (1.0, 1.0, 1.0), **settings: object) -> Callable[[], None]:
-    """Return what makes a light datablock with some settings."""
+def light(
+    kind: str,
+    *,
+    plate: bool = False,
+    scale: Vec3 = (1.0, 1.0, 1.0),
+    nodes: Callable[[], Maker] | None = None,
+    **settings: object,
+) -> Callable[[], None]:
+    """Return what makes a light datablock with some settings, and nodes if they are given."""
 
     def build() -> None:
         data = bpy.data.lights.new("Light", kind)
@@ -44,6 +51,8 @@ def light(kind: str, *, plate: bool = False, scale: Vec3 = (1.0, 1.0, 1.0), **se
         data.energy = 3.0 if kind == "SUN" else 100.0
         for name, value in settings.items():
             setattr(data, name, value)
+        if nodes is not None:
+            set_light_nodes(data, nodes())
         add_object("Light", data, location=LOCATION, rotation_euler=ROTATION, scale=scale)
         _plate(*((0.35, SHADING) if plate else (0.02, ASIDE)))
 
@@ -68,6 +77,35 @@ def emissive_mesh() -> None:
 def _plate(half: float, location: Vec3, radiance: Colour = BLACK) -> None:
     """Make a tilted square of black, or shining, material."""
     add_object("Plate", card_mesh(half, material("Plate", emission(radiance))), location=location, rotation_euler=TILT)
+
+
+def _places() -> Maker:
+    """Shine in other colours from each place of an area light or sphere, into each direction of a point or spot."""
+    return emission(node("NewGeometry", "Parametric"), 2.0)
+
+
+def _blackbody() -> Maker:
+    return emission(node("Blackbody", Temperature=3500.0), 1.5)
+
+
+def _node_cases() -> list[LightCase]:
+    sphere = {"shadow_soft_size": 0.25, "use_soft_falloff": False}
+    soft = {"shadow_soft_size": 0.25, "use_soft_falloff": True}
+    spot = {"spot_size": 1.0, "spot_blend": 0.3}
+    oval = {"shape": "ELLIPSE", "size": 0.5, "size_y": 0.9}
+    return [
+        LightCase("nodes, exact point", light("POINT", nodes=_places, shadow_soft_size=0.0)),
+        LightCase("nodes, soft falloff", light("POINT", nodes=_places, **soft)),
+        LightCase("nodes, sphere", light("POINT", nodes=_places, **sphere)),
+        LightCase("nodes, spot", light("SPOT", nodes=_places, shadow_soft_size=0.0, **spot)),
+        LightCase("nodes, spot, soft falloff", light("SPOT", nodes=_places, **soft, **spot)),
+        LightCase("nodes, spot, sphere", light("SPOT", nodes=_places, **sphere, **spot)),
+        LightCase("nodes, spot, scaled", light("SPOT", nodes=_places, scale=(1.0, 2.0, 1.5), **soft, **spot)),
+        LightCase("nodes, area, spread 60°", light("AREA", nodes=_places, spread=math.radians(60.0), **oval)),
+        LightCase("nodes, area, scaled", light("AREA", nodes=_places, scale=(2.0, 0.5, 1.0), size=0.4)),
+        LightCase("nodes, blackbody spot", light("SPOT", nodes=_blackbody, **soft, **spot)),
+        LightCase("nodes, blackbody sun", light("SUN", nodes=_blackbody, angle=math.radians(5.0))),
+    ]
 
 
 def _area_cases() -> list[LightCase]:
@@ -130,4 +168,6 @@ CASES = (
     LightCase("point, sphere, shadow", light("POINT", shadow_soft_size=0.25, use_soft_falloff=False, plate=True)),
     LightCase("sun, 5°, shadow", light("SUN", angle=math.radians(5.0), plate=True)),
     LightCase("world, shadow", world(plate=True)),
+    LightCase("point, exact point, no shadow", light("POINT", shadow_soft_size=0.0, use_shadow=False, plate=True)),
+    *_node_cases(),
 )

@@ -7,7 +7,7 @@ world space of it. Closing the generators at any step leaves nothing behind in B
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import dataclass, fields
 from typing import TypeVar
 
@@ -27,6 +27,7 @@ from .export_geometry import GeometryReader
 from .export_lights import export_lights
 from .export_materials import MaterialTable
 from .light_linking import LinkingReader
+from .light_nodes import NodeLight, light_node_steps
 
 Result = TypeVar("Result")
 Steps = Generator[Progress, None, Result]
@@ -65,20 +66,23 @@ def export_steps(depsgraph: bpy.types.Depsgraph) -> Steps[Scene]:
 def export_render_steps(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> Steps[Scene]:
     """Return what a render of a view layer would show, in steps.
 
-    The first step evaluates the scene and reads all of it, for nothing may change in between;
-    Esc stops it. The later ones no longer need Blender.
+    The first steps ask Cycles about lights whose nodes are no constants. The next evaluates the scene and
+    reads all of it, for nothing may change in between; Esc stops it. The later ones no longer need Blender.
 
     Raises
     ------
     Cancelled
-        When the user asked to stop during the first step.
+        When the user asked to stop while the scene was read.
     SceneError
         When there is nothing that light could meet, or a render is running.
     MemoryLimitError
         When the geometry with all instances does not fit.
     """
+    node_lights = yield from light_node_steps(scene, view_layer)
     yield Progress("Evaluating the scene", 0.0)
-    reading = with_render_depsgraph(scene, view_layer, lambda depsgraph, stop: _drain(_read_steps(depsgraph), stop))
+    reading = with_render_depsgraph(
+        scene, view_layer, lambda depsgraph, stop: _drain(_read_steps(depsgraph, node_lights), stop)
+    )
     return (yield from _build_steps(reading, scene.name))
 
 
@@ -97,7 +101,7 @@ class _Reading:
     notices: tuple[Notice, ...]
 
 
-def _read_steps(depsgraph: bpy.types.Depsgraph) -> Steps[_Reading]:
+def _read_steps(depsgraph: bpy.types.Depsgraph, node_lights: Mapping[str, NodeLight] | None = None) -> Steps[_Reading]:
     """Read everything from an evaluated depsgraph, one object instance per step."""
     view_layer = depsgraph.view_layer_eval
     materials = MaterialTable(depsgraph.scene_eval, view_layer.material_override)
@@ -107,7 +111,7 @@ def _read_steps(depsgraph: bpy.types.Depsgraph) -> Steps[_Reading]:
         geometry.add(instance)
         yield Progress("Reading the scene", _READING * index / count)
     linking = LinkingReader()
-    lights, light_notices = export_lights(depsgraph, linking)
+    lights, light_notices = export_lights(depsgraph, linking, node_lights)
     light_rules = linking.rules(geometry.objects, geometry.shadow_visible, depsgraph)
     return _Reading(
         meshes=geometry.meshes,

@@ -12,18 +12,20 @@ and without `normalize` a radiance of s/π, s/π and s: of its surface, its sphe
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any, TypeVar
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.lights import NO_LIMIT, AreaLights, Lights, PointLights, SunLights
+from ..core.lights import NO_LIMIT, NO_PATTERN, AreaLights, Lights, Pattern, PointLights, SunLights
 from ..core.report import Notice, merge
 from .emission_nodes import constant_emission
 from .export_colours import ColourReader, Notes
 from .export_images import ImageTable
 from .light_linking import LinkingReader
+from .light_nodes import NodeLight, frame, half_angle, uses_nodes
 
 Float64 = NDArray[np.float64]
 Kind = TypeVar("Kind", AreaLights, PointLights, SunLights)
@@ -39,7 +41,9 @@ _SHADOWLESS = "casts shadows, although they are switched off"
 
 
 def export_lights(
-    depsgraph: bpy.types.Depsgraph, linking: LinkingReader | None = None
+    depsgraph: bpy.types.Depsgraph,
+    linking: LinkingReader | None = None,
+    evaluated: Mapping[str, NodeLight] | None = None,
 ) -> tuple[Lights, tuple[Notice, ...]]:
     """Return every light that a depsgraph shows, instances too, and the world.
 
@@ -50,8 +54,11 @@ def export_lights(
     ----------
     linking
         Learns which lights may not light everything; its `rules` belong to the lights.
+    evaluated
+        What Cycles found of nodes that are no constants, by the names of their objects; see `light_nodes`.
     """
     linking = linking or LinkingReader()
+    patterns: dict[int, Pattern] = {}
     rows: dict[type, list[Row]] = {AreaLights: [], PointLights: [], SunLights: []}
     notices: list[Notice] = []
     for instance in depsgraph.object_instances:
@@ -63,9 +70,13 @@ def export_lights(
             notices.append(Notice("left out", f"light '{light.name}'", _UNSEEN))
             continue
         matrix = np.array(instance.matrix_world, dtype=np.float64)
-        exported = _export(light, matrix, notes)
+        node_light = (evaluated or {}).get(light.name_full)
+        exported = _export(light, matrix, node_light, notes)
         if exported is not None:
             kind, row = exported
+            if node_light is not None and node_light.pattern is not None:
+                patterns.setdefault(id(node_light.pattern), node_light.pattern)
+                row["pattern"] = list(patterns).index(id(node_light.pattern))
             group = linking.group(light, shadows=light.data.use_shadow)
             rows[kind].append({"names": light.name, "group": group, "max_bounces": _limit(light.data), **row})
         notices.extend(notes.notices)
@@ -73,6 +84,7 @@ def export_lights(
     in_order = [row for kind in rows for row in rows[kind]]
     lights = Lights(
         world=radiance,
+        patterns=tuple(patterns.values()),
         group=np.array([row.pop("group") for row in in_order], dtype=np.int32),
         max_bounces=np.array([row.pop("max_bounces") for row in in_order], dtype=np.int32),
         area=_stack(AreaLights, rows[AreaLights]),
@@ -106,9 +118,11 @@ def _limit(light: bpy.types.Light) -> int:
     return bounces if bounces < _ALL_BOUNCES else NO_LIMIT
 
 
-def _export(light: bpy.types.Object, matrix: Float64, notes: Notes) -> tuple[type, Row] | None:
+def _export(
+    light: bpy.types.Object, matrix: Float64, node_light: NodeLight | None, notes: Notes
+) -> tuple[type, Row] | None:
     """Return the kind and the fields of a light, or None if it emits nothing."""
-    strength = _strength(light.data, notes)
+    strength = _strength(light.data, node_light, notes)
     if strength is None:
         return None
     if not np.isfinite(matrix).all():
@@ -120,15 +134,23 @@ def _export(light: bpy.types.Object, matrix: Float64, notes: Notes) -> tuple[typ
         notes.add("left out", nowhere)
         return None
     _note_differences(light, matrix, notes)
+    if node_light is not None and node_light.pattern is not None and kind is PointLights:
+        if abs(node_light.half_angle - half_angle(light.data, matrix)) > _SHEARED:
+            notes.add("simplified", "its cone is as wide as that of its first instance")
+        row |= {"axes": frame(matrix), "cos_half_angle": math.cos(node_light.half_angle), "blend": 0.0}
     return kind, row
 
 
-def _strength(light: bpy.types.Light, notes: Notes) -> Float64 | None:
+def _strength(light: bpy.types.Light, node_light: NodeLight | None, notes: Notes) -> Float64 | None:
     """Return colour times power, (3,), or None if the light emits nothing."""
     strength = np.array(light.color, dtype=np.float64) * light.energy * 2.0**light.exposure
     if light.use_temperature:
         strength *= np.array(light.temperature_color, dtype=np.float64)
-    if _uses_nodes(light):
+    if node_light is not None:
+        strength *= node_light.colour
+        for notice in node_light.notices:
+            notes.add(notice.kind, notice.message)
+    elif uses_nodes(light):
         strength *= constant_emission(light.node_tree, ColourReader(ImageTable(), notes))
     if not np.isfinite(strength).all():
         notes.add("left out", "its colour or power is not a number: enter it anew")
@@ -140,13 +162,6 @@ def _strength(light: bpy.types.Light, notes: Notes) -> Float64 | None:
     if (strength < 0.0).any():
         notes.add("simplified", _NEGATIVE)
     return np.maximum(strength, 0.0)
-
-
-def _uses_nodes(light: bpy.types.Light) -> bool:
-    """Tell whether a light's node tree counts; from Blender 5.2 on it always does."""
-    if light.node_tree is None:
-        return False
-    return bool(light.bl_rna.properties["use_nodes"].is_deprecated or light.use_nodes)
 
 
 def _area(light: bpy.types.AreaLight, matrix: Float64, strength: Float64) -> tuple[type, Row]:
@@ -162,6 +177,7 @@ def _area(light: bpy.types.AreaLight, matrix: Float64, strength: Float64) -> tup
         "elliptic": elliptic,
         "half_spread": 0.5 * light.spread,
         "radiance": strength / (math.pi * (area or 1.0) if light.normalize else math.pi),
+        "pattern": NO_PATTERN,
     }
 
 
@@ -179,6 +195,7 @@ def _point(light: bpy.types.Light, matrix: Float64, strength: Float64) -> tuple[
         "cos_half_angle": math.cos(0.5 * light.spot_size) if spot else -1.0,
         "blend": light.spot_blend if spot else 0.0,
         "axes": matrix[:3, :3] if spot else np.eye(3),
+        "pattern": NO_PATTERN,
     }
 
 
@@ -192,17 +209,21 @@ def _sun(light: bpy.types.SunLight, matrix: Float64, strength: Float64) -> tuple
     }
 
 
+_LIGHT_OF = {AreaLights: "radiance", PointLights: "intensity", SunLights: "irradiance"}
 _CONVERSIONS = {"AREA": _area, "POINT": _point, "SPOT": _point, "SUN": _sun}
 
 
 def _nowhere(kind: type, row: Row) -> str:
-    """Return why a light has no place to shine from, in Cycles neither; empty if it has."""
+    """Return why a light cannot shine, in Cycles neither; empty if it can."""
     if kind is AreaLights and not (row["edge_u"].any() and row["edge_v"].any()):
         return "has no area: give it a size"
     if "direction" in row and not row["direction"].any():
         return "is scaled to nothing along its axis"
     if kind is PointLights and not abs(np.linalg.det(row["axes"])) > 0.0:
         return "is scaled to nothing along one of its axes"
+    with np.errstate(over="ignore"):
+        if not np.isfinite(np.float32(row[_LIGHT_OF[kind]])).all():
+            return "is brighter than single precision can say: lower its power"
     return ""
 
 
@@ -248,11 +269,11 @@ def _unit(vector: Float64) -> Float64:
 
 
 def _stack(kind: type[Kind], rows: list[Row]) -> Kind:
-    """Turn rows into arrays: float32, or bool."""
+    """Turn rows into arrays: float32, int32 or bool."""
     if not rows:
         return kind()
     columns: dict[str, Any] = {"names": tuple(row["names"] for row in rows)}
     for name in rows[0].keys() - {"names"}:
         column = np.array([row[name] for row in rows])
-        columns[name] = column if column.dtype == np.bool_ else column.astype(np.float32)
+        columns[name] = column.astype({"b": np.bool_, "i": np.int32}.get(column.dtype.kind, np.float32))
     return kind(**columns)

@@ -120,9 +120,8 @@ def irradiance_steps(
     found = []
     for batch in range(batches):
         yield Progress(f"Asking Cycles at {len(p):,} points", batch / batches)
-        found.append(
-            _bake(scene, scene.view_layers[layer_name], p, n, component, per_corner, bounces, batches * seed + batch)
-        )
+        layer = scene.view_layers[layer_name]
+        found.append(bake_irradiance(scene, layer, p, n, component, per_corner, bounces, batches * seed + batch))
     return Measured(*mean_and_error(found))
 
 
@@ -141,7 +140,7 @@ def _view_layer(scene: bpy.types.Scene) -> bpy.types.ViewLayer:
     return bpy.context.view_layer if bpy.context.scene == scene else scene.view_layers[0]
 
 
-def _bake(
+def bake_irradiance(
     scene: bpy.types.Scene,
     view_layer: bpy.types.ViewLayer,
     points: Float64,
@@ -151,7 +150,7 @@ def _bake(
     bounces: int,
     seed: int,
 ) -> Float64:
-    """Bake once; return the irradiance (n, 3)."""
+    """Bake once, `samples` paths at each of a point's four corners; return the irradiance (n, 3)."""
     with (
         cycles_stage(scene, view_layer, samples=samples, bounces=bounces, seed=seed) as (stage, layer),
         _receivers(stage, points, normals) as receivers,

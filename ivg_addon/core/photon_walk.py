@@ -162,8 +162,9 @@ class _Worker:
         self.rays += n
         factor = None
         rules = course.restricted
-        if flight == 0 and rules is not None and rules.chooses:
-            factor = rules.follow(course.first, settings.seed, self.photons[:n], origins, directions, dark, hits)
+        if may_be_direct and rules is not None and rules.chooses:
+            direct = (self.photons[:n], bounces, origins, directions, dark)
+            factor = rules.follow(course.first, settings.seed, flight, *direct, hits)
         if may_be_direct and course.emission.flies_dark:
             surfaces = course.surfaces
             leave_darkness(

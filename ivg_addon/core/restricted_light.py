@@ -6,7 +6,7 @@ j surfaces on its way that its light may light it meets one, each with the proba
 there: all of them receive the light, as they do in Cycles, where what casts no shadow is lit all the same. In the air
 its light counts up to the end of its way, if the light lights objects that its collections do not name.
 
-Later flights know no restriction: what a surface reflects lights everything.
+Light that a transparent surface lets pass goes on as restricted as it came; what a surface reflects lights everything.
 """
 
 from __future__ import annotations
@@ -109,19 +109,23 @@ class RestrictedLight:
         self,
         tracer: Tracer,
         seed: int,
+        flight: int,
         photons: NDArray[np.int64],
+        bounces: NDArray[np.int16],
         origins: Float32,
         directions: Float32,
         dark: Float32,
         hits: Hits,
     ) -> Float32:
-        """Let first flights go on to their ends; return the weight's factor at the surface that each meets, (n,).
+        """Let direct light go on to its ends; return the weight's factor at the surface that each photon meets, (n,).
 
         Parameters
         ----------
         seed
             Key of the random numbers.
-        photons : (n,) int64, directions : (n, 3) float32
+        flight
+            Flights that came before: light that has only passed transparent surfaces is still direct.
+        photons : (n,) int64, bounces : (n,) int16, directions : (n, 3) float32
         origins : (n, 3) float32, dark : (n,) float32
             As for `emission.leave_darkness`; changed for restricted light, which begins there.
         hits
@@ -131,12 +135,13 @@ class RestrictedLight:
         factor = np.ones(len(photons), dtype=np.float32)
         group = np.empty(len(photons), dtype=np.int32)
         find_groups(seed, photons, self.cumulative, self.group, group)
-        rows = np.arange(len(photons)) if self.rules.restrict_all else np.flatnonzero(group)
+        rows = np.flatnonzero((bounces == 0) & (self.rules.restrict_all | (group > 0)))
         way = _Way(
             self.rules,
             self.object,
             tracer,
             seed,
+            flight,
             photons[rows],
             group[rows],
             origins[rows],
@@ -161,6 +166,7 @@ class _Way:
         object_of: Int32,
         tracer: Tracer,
         seed: int,
+        flight: int,
         photons: NDArray[np.int64],
         group: Int32,
         origins: Float32,
@@ -174,7 +180,7 @@ class _Way:
         self._receives = lambda rows, objects: (rules.receives[objects] & bit[rows]) != 0
         self._blocks = lambda rows, objects: (rules.blocks[objects] & bit[rows]) != 0
         self._coin = np.empty(len(photons))
-        draw(seed, photons, self._coin)
+        draw(seed, flight, photons, self._coin)
         self.lit = np.zeros(len(photons), dtype=np.int32)
 
     def to_the_end(self, first: Hits) -> Hits:
@@ -231,10 +237,10 @@ def find_groups(seed, photons, cumulative, group, groups):
 
 
 @kernel
-def draw(seed, photons, numbers):
-    """Fill numbers (n,) float64 with a uniform number of each photon."""
+def draw(seed, flight, photons, numbers):
+    """Fill numbers (n,) float64 with a uniform number of each photon and flight."""
     for i in range(len(photons)):
-        numbers[i] = random4(seed, photons[i], _STREAM)[0]
+        numbers[i] = random4(seed, photons[i] + (flight << 48), _STREAM)[0]
 
 
 @kernel

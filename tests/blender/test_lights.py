@@ -209,6 +209,7 @@ def test_light_without_a_shader_is_left_out() -> None:
         ("POINT", {"color": (0, 0, 0)}, 1, "left out: light 'Key': emits nothing"),
         ("POINT", {"energy": math.nan}, 1, "left out: light 'Key': its colour or power is not a number"),
         ("POINT", {"energy": math.inf}, 1, "left out: light 'Key': its colour or power is not a number"),
+        ("AREA", {"energy": 1e38, "size": 1e-9}, 1, "left out: light 'Key': is brighter than single precision"),
         ("AREA", {"size": 0.0}, 1, "left out: light 'Key': has no area"),
         ("AREA", {"shape": "RECTANGLE", "size_y": 0.0}, 1, "left out: light 'Key': has no area"),
         ("SPOT", {}, 0, "left out: light 'Key': is scaled to nothing"),
@@ -273,7 +274,7 @@ def rules_of(*objects: str) -> tuple[Lights, LightRules | None]:
     depsgraph = bpy.context.evaluated_depsgraph_get()
     lights, notices = export_lights(depsgraph, linking)
     assert notices == linking.notices == ()
-    return lights, linking.rules(objects, depsgraph)
+    return lights, linking.rules(objects, [True] * len(objects), depsgraph)
 
 
 def bits(masks: np.ndarray, group: int) -> list[bool]:

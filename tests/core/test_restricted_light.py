@@ -67,7 +67,7 @@ def rules(receives: tuple[int, ...], blocks: tuple[int, ...], others: bool = Tru
     )
 
 
-def first_flights(of: Scene, seed: int = 3) -> tuple[np.ndarray, Hits, np.ndarray]:
+def first_flights(of: Scene, seed: int = 3, flight: int = 0, bounces: int = 0) -> tuple[np.ndarray, Hits, np.ndarray]:
     """Return the flux per photon at the surface that it meets (n, 3), what it meets, and its direction."""
     emission = prepare_emission(of, (-4, -4, -4), (4, 4, 4))
     origins, directions, weights = (np.empty((N, 3), dtype=np.float32) for _ in range(3))
@@ -77,8 +77,8 @@ def first_flights(of: Scene, seed: int = 3) -> tuple[np.ndarray, Hits, np.ndarra
     hits = tracer.intersect(origins, directions)
     restricted = RestrictedLight.of(of, emission)
     assert restricted is not None
-    factor = restricted.follow(tracer, seed, np.arange(N), origins, directions, dark, hits)
-    assert not dark.any()
+    bounces = np.full(N, bounces, dtype=np.int16)
+    factor = restricted.follow(tracer, seed, flight, np.arange(N), bounces, origins, directions, dark, hits)
     return weights * factor[:, None] * (emission.flux_scale / N), hits, directions
 
 
@@ -108,6 +108,18 @@ def test_what_does_not_block_is_lit_as_well_as_what_is_behind() -> None:
     assert not received(flux, hits, FLOOR).any()
     downwards = hits.distance < 1e30
     np.testing.assert_allclose((hits.distance * directions[:, 2])[downwards], -2.0, rtol=1e-5)
+
+
+def test_light_that_passed_something_transparent_is_as_restricted() -> None:
+    flux, hits, _ = first_flights(stack(rules((FLOOR, SHELF, PLATE), (SHELF,))), flight=2)
+    assert_means(received(flux, hits, PLATE), LIGHT)
+    assert_means(received(flux, hits, SHELF), LIGHT)
+
+
+def test_reflected_light_knows_no_restriction() -> None:
+    flux, hits, _ = first_flights(stack(rules((FLOOR,), (FLOOR,))), bounces=1)
+    assert_means(received(flux, hits, PLATE), LIGHT)
+    assert not received(flux, hits, FLOOR).any()
 
 
 def test_what_is_no_receiver_shades_and_stays_dark() -> None:
