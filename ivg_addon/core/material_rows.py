@@ -43,6 +43,7 @@ class LobeRow:
     ior: float
     fresnel: int
     multiscatter: bool
+    weight: Float64
 
 
 @dataclass(frozen=True)
@@ -71,6 +72,7 @@ def make_row(name: str, shading: Shading, back: int, quantity: Callable[[Float64
                 lobe.ior,
                 lobe.fresnel,
                 lobe.multiscatter,
+                np.broadcast_to(lobe.weight.max(axis=0), 3),  # none of the colours is larger than its weight
             )
             for lobe in shading.lobes
         ),
@@ -163,5 +165,6 @@ def pack_materials(rows: Sequence[MaterialRow]) -> Materials:
             ior=np.array([lobe.ior for _, lobe in lobes], dtype=np.float32),
             fresnel=np.array([lobe.fresnel for _, lobe in lobes], dtype=np.int32),
             multiscatter=np.array([lobe.multiscatter for _, lobe in lobes], dtype=np.bool_),
+            weight=np.array([lobe.weight for _, lobe in lobes], dtype=np.float32).reshape(-1, 3),
         ),
     )

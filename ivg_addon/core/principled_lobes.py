@@ -52,13 +52,15 @@ def shade_principled(closure: Closure, values: Values, weight: Float64, caustics
         over = opaque * coat * ones
         lobes.append(Lobe(GLOSSY, over * reflectance_of_ior(dense), over, coat_roughness, dense, DIELECTRIC))
         metal = inside * metallic
-        lobes.append(Lobe(GLOSSY, metal * np.minimum(base, 1.0), metal, roughness, 1.5, SCHLICK, closure.multiscatter))
+        lobes.append(
+            Lobe(GLOSSY, metal * np.minimum(base, 1.0), metal, roughness, 1.5, SCHLICK, closure.multiscatter, metal)
+        )
         plain = inside * (1.0 - metallic) * (1.0 - transmission)
         f0, _ = normal_reflectance(ior, level)
         eta = float(normal_reflectance(ior.mean(), level.mean())[1])
         if eta != 1.0:
             reflected = plain * np.minimum(f0 * tint, 1.0)
-            lobes.append(Lobe(GLOSSY, reflected, plain, roughness, eta, DIELECTRIC, closure.multiscatter))
+            lobes.append(Lobe(GLOSSY, reflected, plain, roughness, eta, DIELECTRIC, closure.multiscatter, plain))
     glass = inside * (1.0 - metallic) * transmission
     inner = usable_index(float(ior.mean()))
     if values.mean(inputs.get("Thin Wall", (0.0,))) > 0.5:
@@ -66,7 +68,7 @@ def shade_principled(closure: Closure, values: Values, weight: Float64, caustics
     else:
         through = glass * np.sqrt(np.minimum(base, 1.0)) * caustics.refractive
         over = glass * tint * caustics.reflective
-        lobes.append(Lobe(GLASS, over, through, roughness, inner, DIELECTRIC, closure.multiscatter))
+        lobes.append(Lobe(GLASS, over, through, roughness, inner, DIELECTRIC, closure.multiscatter, glass))
     return Shading(rough_reflectance(base, values.share(inputs["Diffuse Roughness"])) * diffuse, emission, tuple(lobes))
 
 

@@ -45,12 +45,9 @@ def _shade(closure: Closure, values: Values, caustics: Caustics) -> Shading:
         return values(closure.inputs[name])
 
     def lobe(kind: int, color: Float64, second: Float64, fresnel: int = NONE, ior: float = 1.5) -> Shading:
-        roughness = closure.inputs.get("Roughness", (0.0,))
-        return Shading(
-            none,
-            none,
-            (Lobe(kind, color, second, values.share(roughness), ior, fresnel, closure.multiscatter),),
-        )
+        roughness = values.share(closure.inputs.get("Roughness", (0.0,)))
+        own = weight if layered is None else layered[0]
+        return Shading(none, none, (Lobe(kind, color, second, roughness, ior, fresnel, closure.multiscatter, own),))
 
     layered = _under_fresnel(closure, values)
     weight = values.weight(closure.weight)

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ _ROUGHNESS = np.linspace(0.0, 1.0, 9)
 
 @dataclass(frozen=True)
 class Lobe:
-    """A row of `scene.Lobes` at k points: color and second (k, 3), roughness (k, 1)."""
+    """A row of `scene.Lobes` at k points: color and second (k, 3), roughness (k, 1), weight (k, 1) or (k, 3)."""
 
     kind: int
     color: Float64
@@ -33,6 +33,7 @@ class Lobe:
     ior: float = 1.5
     fresnel: int = NONE
     multiscatter: bool = False
+    weight: Float64 = field(default_factory=lambda: np.ones((1, 1)))
 
     def albedo(self) -> Float64:
         """Return the share of light from all sides, (k, 3), that it does not absorb."""
@@ -50,7 +51,7 @@ class Lobe:
 
     def scaled(self, factor: Float64) -> Lobe:
         """Return it with what it reflects and lets through multiplied by (k, 3)."""
-        return replace(self, color=self.color * factor, second=self.second * factor)
+        return replace(self, color=self.color * factor, second=self.second * factor, weight=self.weight * factor)
 
 
 @dataclass(frozen=True)
@@ -125,6 +126,11 @@ def merged(lobes: Iterable[Lobe]) -> Iterator[Lobe]:
         key = (lobe.kind, lobe.ior, lobe.fresnel, lobe.multiscatter, lobe.roughness.tobytes())
         if key in groups:
             other = groups[key]
-            lobe = replace(other, color=other.color + lobe.color, second=other.second + lobe.second)
+            lobe = replace(
+                other,
+                color=other.color + lobe.color,
+                second=other.second + lobe.second,
+                weight=other.weight + lobe.weight,
+            )
         groups[key] = lobe
     yield from groups.values()

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ivg_addon.core.closures import Caustics, Closure, Leaf
+from ivg_addon.core.closures import Caustics, Closure, Factor, Leaf
 from ivg_addon.core.material_rows import (
     PROBES,
     as_constant,
@@ -87,3 +87,14 @@ def test_what_does_nothing_to_light() -> None:
     assert not lets_light_pass(shade([tinted], [], PLAIN))
     assert not lets_light_pass(shade([clear, diffuse(RED)], [], PLAIN))
     assert not lets_light_pass(shade([], [], PLAIN))
+
+
+def test_a_lobes_weight_is_what_is_not_its_own_colour() -> None:
+    mask = np.array([[0.2], [0.6]])
+    metal = Closure("METALLIC", {"Color": RED, "Roughness": (0.5,)}, (Factor(Leaf(0)), Factor((0.5,))))
+    row = make_row("Row", shade([metal, principled(Metallic=(0.3,))], [mask], PLAIN), 0, as_constant)
+    lobes = pack_materials([row]).lobes
+    assert lobes.weight is not None
+    np.testing.assert_allclose(lobes.weight, [[0.3] * 3, [0.3] * 3, [0.7] * 3], rtol=1e-6)
+    assert (lobes.color <= lobes.weight).all()
+    assert (lobes.second <= lobes.weight * (1 + 1e-6)).all()
