@@ -96,7 +96,7 @@ def evaluation_steps(
     frame = (scene.frame_current, scene.frame_subframe)
     for entry in pending:
         yield Progress("Preparing materials", 0.2 * len(plans) / len(pending))
-        plan = make_plan(entry.row, entry.tree.needs.placed, around.meshes, around.instances, size)
+        plan = make_plan(entry.row, entry.tree.needs.placed, around.meshes, around.instances, size, len(pending))
         if plan is None:
             continue
         plans[entry.row] = plan

@@ -123,8 +123,9 @@ def _patch_arrays(patch: Patch, shared: int, needs: Needs, around: Surroundings)
         uv_maps[DEFAULT_UV] = data.uv[corners][:, :2]
     if needs.default_colour and data.colour is not None:
         values[DEFAULT_COLOUR] = data.colour[corners]
-    if needs.generated and data.generated is not None:
-        values[GENERATED] = _widened(data.generated[mesh.corner_vertex[corners]])
+    if needs.generated:
+        generated = _in_its_box(mesh.positions) if data.generated is None else data.generated
+        values[GENERATED] = _widened(generated[mesh.corner_vertex[corners]])
     if needs.local:
         values[LOCAL] = _widened(local[vertex])
     if needs.placed:
@@ -154,6 +155,12 @@ def _normals(mesh: MeshData, corners: NDArray[np.integer], positions: Float32) -
     flat = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
     length = np.linalg.norm(flat, axis=1, keepdims=True)
     return np.repeat(flat / np.where(length > 0.0, length, 1.0), 3, axis=0).astype(np.float32)
+
+
+def _in_its_box(positions: Float32) -> Float32:
+    """Return positions as shares of the box around them: generated coordinates of what is no mesh in Blender."""
+    low, size = positions.min(axis=0), np.ptp(positions, axis=0)
+    return ((positions - low) / np.where(size > 0.0, size, 1.0)).astype(np.float32)
 
 
 def _widened(values: Float32) -> Float32:

@@ -197,7 +197,7 @@ class GeometryReader:
         if material == LIGHT_PASSES:
             return []
         pointer = shown.data.as_pointer()
-        wanted = self._materials.uv_map(material)
+        wanted = self._hair_uv(material)
         if pointer not in self._mesh_index:
             strands = read_curves(shown.data, self._straight_hair)
             self._keep_tubes(pointer, strands, len(strands), subject)
@@ -207,6 +207,7 @@ class GeometryReader:
         uv_map: str | None = None
         if wanted is not None:
             uv_map = wanted or next(iter(self.meshes[index].uv_maps), None)
+        self._lend_uv(index, uv_map)
         return [_Part(self._places_of(index, (material,), (uv_map,)), self._object(subject, seers))]
 
     def _particle_hair(self, shown: bpy.types.Object, seers: list[bpy.types.Object], subject: str) -> list[_Part]:
@@ -217,16 +218,28 @@ class GeometryReader:
             material = materials[min(max(system.settings.material - 1, 0), len(materials) - 1)]
             if material == LIGHT_PASSES:
                 continue
-            uv_name = self._uv_name(shown.data, self._materials.uv_map(material), subject)
+            uv_name = self._uv_name(shown.data, self._hair_uv(material), subject)
             key = (shown.original.as_pointer(), str(system.name), uv_name)
             if key not in self._mesh_index:
                 names = () if uv_name is None else (uv_name,)
                 strands, count = read_hair(shown, modifier, self._rendered, self._straight_hair, names)
                 self._keep_tubes(key, strands, count, subject)
             index = self._mesh_index[key]
+            self._lend_uv(index, uv_name)
             if len(self.meshes[index].triangle_corners):
                 parts.append(_Part(self._places_of(index, (material,), (uv_name,)), self._object(subject, seers)))
         return parts
+
+    def _hair_uv(self, material: int) -> str | None:
+        """Return the UV map that hair of a material needs, "" for the active one."""
+        reads_uv = any(needs.default_uv for needs in self._needs((material,)))
+        return "" if reads_uv else self._materials.uv_map(material)
+
+    def _lend_uv(self, mesh: int, name: str | None) -> None:
+        """Let materials that are evaluated read the UV map of hair."""
+        uv_map = None if name is None else self.meshes[mesh].uv_maps.get(name)
+        if uv_map is not None:
+            self.data.setdefault(mesh, SurfaceData()).uv = uv_map
 
     def _points(self, shown: bpy.types.Object, seers: list[bpy.types.Object], subject: str) -> list[_Part]:
         """Read a point cloud: as in Cycles, all of the first material and without texture coordinates."""

@@ -15,12 +15,14 @@ from .scene import Float32, Int32
 
 Float64 = NDArray[np.float64]
 
-ACROSS_OBJECT = 64
+ACROSS_OBJECT = 256
 """Texels along the longest side of an object, at most."""
 ACROSS_SCENE = 512
 """Texels along the longest side of the scene, at most: detail finer than that is not worth it."""
 MOST_TEXELS = 1 << 22
 """Of one material's atlas; triangles beyond share texels."""
+_IN_ALL, _FEWEST = 1 << 23, 1 << 16
+"""Texels of all materials' atlases, about, and those of a material however many there are."""
 MOST_PLACED = 1 << 20
 """Triangles of a material that looks different on each instance; beyond, all instances look like the first."""
 
@@ -77,7 +79,12 @@ class Plan:
 
 
 def make_plan(
-    row: int, placed: bool, meshes: Sequence[MeshData], instances: Sequence[Instances], scene_size: float
+    row: int,
+    placed: bool,
+    meshes: Sequence[MeshData],
+    instances: Sequence[Instances],
+    scene_size: float,
+    materials: int = 1,
 ) -> Plan | None:
     """Return the plan for the material of an index, None where no triangle has it.
 
@@ -87,6 +94,8 @@ def make_plan(
         It looks different on each instance.
     scene_size
         The longest side of the scene, metres.
+    materials
+        How many materials share the memory there is.
     """
     patches = _patches(row, placed, meshes, instances)
     unplaced = placed and sum(len(patch.triangles) for patch in patches) > MOST_PLACED
@@ -103,7 +112,8 @@ def make_plan(
     finer = np.concatenate([edge / texel for edge, texel in zip(edges, texels, strict=True)])
     finer = np.nan_to_num(finer, nan=0.0, posinf=1.0)
     sizes = _block_sizes(finer)
-    while int((sizes.astype(np.int64) ** 2).sum()) > MOST_TEXELS and sizes.max() > 1:
+    most = min(MOST_TEXELS, max(_FEWEST, _IN_ALL // materials))
+    while int((sizes.astype(np.int64) ** 2).sum()) > most and sizes.max() > 1:
         finer = finer / 1.25
         sizes = _block_sizes(finer)
     return Plan(tuple(patches), shared, lay_out(sizes), unplaced)

@@ -363,3 +363,20 @@ def test_light_paths_that_differ_are_named(output: str, named: bool) -> None:
     assert said(evaluated_scene()) == ([f"simplified: {message}"] if named else [])
     show(surface(pair("MixShader", one, other, through("Math", 0, path, operation="MULTIPLY"))))
     assert said(evaluated_scene()) == ([f"simplified: {message}"] if named else [])
+
+
+def test_hair_and_points_are_evaluated_too() -> None:
+    empty_scene()
+    curves = bpy.data.hair_curves.new("Hair")
+    curves.add_curves([4] * 20)
+    rng = np.random.default_rng(3)
+    roots = np.repeat(rng.random((20, 1, 3)), 4, axis=1)
+    roots[:, :, 2] += np.arange(4) / 3
+    curves.attributes["position"].data.foreach_set("vector", roots.astype(np.float32).ravel())
+    curves.materials.append(new_material("Tested", diffuse(noise("Object"))))
+    add_object("Hair", curves)
+    scene = evaluated_scene()
+    assert scene.surfaces.evaluated == 1
+    values = exported(scene, "albedo")
+    assert np.ptp(values[:, 0]) > 0.05
+    assert values.min() > 0.0

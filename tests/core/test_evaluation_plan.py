@@ -69,7 +69,7 @@ def test_too_many_different_instances_look_alike(monkeypatch: pytest.MonkeyPatch
 def test_large_triangles_have_more_texels() -> None:
     plan = make_plan(0, False, [grid(1), grid(8)], [placed(0, 0), placed(1, 1)], 1.0)
     assert plan is not None
-    assert plan.atlas.size.tolist() == [64, 64] + [8] * 128
+    assert plan.atlas.size.tolist() == [256, 256] + [32] * 128
 
 
 def test_small_objects_of_large_scenes_have_few() -> None:
@@ -87,6 +87,12 @@ def test_texels_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
         assert (plan.atlas.size.astype(int) ** 2).sum() <= 1000
     assert many is not None
     assert many.shared == 4
+
+
+def test_many_materials_share_the_memory() -> None:
+    plan = make_plan(0, False, [grid(1)], [placed(0, 0)], 1.0, materials=10**6)
+    assert plan is not None
+    assert 0.5 * 2**16 < (plan.atlas.size.astype(int) ** 2).sum() <= 2**16
 
 
 def test_every_triangle_finds_its_block_also_where_they_share(monkeypatch: pytest.MonkeyPatch) -> None:
