@@ -66,8 +66,8 @@ def _bake_steps(context: bpy.types.Context, request: BakeRequest, run: Runner) -
 
     start = time.perf_counter()
     name, identity = context.scene.name, context.scene.session_uid
-    # One step of the export reads Blender's data. From then on the user may change them: the
-    # scene is found again at the end.
+    # One step of the export reads Blender's data, others ask Cycles for materials. Between any two the user may change
+    # them: all is found again each time.
     exporting = export_render_steps(context.scene, context.view_layer)
     scene = yield from part(exporting, 0.0, EXPORT_SHARE)
     settings = request.settings_for(scene)
@@ -77,7 +77,8 @@ def _bake_steps(context: bpy.types.Context, request: BakeRequest, run: Runner) -
         kept_in = _find_scene(name, identity)
         _replace(fresh, request.output)
     seconds = time.perf_counter() - start
-    outcome.store(kept_in.ivg.last_bake, request.output, bake_rows(result, seconds, peak()), result.notices)
+    rows = bake_rows(result, scene.surfaces, seconds, peak())
+    outcome.store(kept_in.ivg.last_bake, request.output, rows, result.notices)
     outcome.forget(kept_in.ivg.last_compare)
     noted = headline(result.notices)
     return (

@@ -8,6 +8,7 @@ world space of it. Closing the generators at any step leaves nothing behind in B
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator, Mapping
+from contextlib import closing
 from dataclasses import dataclass, fields
 from typing import TypeVar
 
@@ -21,7 +22,10 @@ from ..core.lights import Lights
 from ..core.memory import human
 from ..core.progress import Progress
 from ..core.report import Notice, merge
-from ..core.scene import Materials, Scene, Texture
+from ..core.scene import Scene, SurfaceRecord
+from .evaluation import Evaluation, evaluation_steps
+from .evaluation_data import ObjectLook, SurfaceData
+from .evaluation_mesh import Surroundings
 from .export_depsgraph import with_render_depsgraph
 from .export_geometry import GeometryReader
 from .export_lights import export_lights
@@ -32,8 +36,8 @@ from .light_nodes import NodeLight, light_node_steps
 Result = TypeVar("Result")
 Steps = Generator[Progress, None, Result]
 
-_READING = 0.5
-"""Share of the whole that reading takes."""
+_READING, _PLACING = 0.4, 0.7
+"""Shares of the whole after which the scene is read, and its materials are evaluated."""
 _MANY_COPIES = 4
 """From so many times the unique triangles on, a notice says that instances cost memory."""
 _WORKING_SPACE = "Linear Rec.709"
@@ -59,15 +63,16 @@ def export_steps(depsgraph: bpy.types.Depsgraph) -> Steps[Scene]:
     MemoryLimitError
         When the geometry with all instances does not fit.
     """
-    reading = yield from _read_steps(depsgraph)
-    return (yield from _build_steps(reading, depsgraph.scene.name))
+    reading = yield from _read_steps(depsgraph, False)
+    return (yield from _build_steps(reading, depsgraph.scene.name, None))
 
 
 def export_render_steps(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> Steps[Scene]:
     """Return what a render of a view layer would show, in steps.
 
     The first steps ask Cycles about lights whose nodes are no constants. The next evaluates the scene and
-    reads all of it, for nothing may change in between; Esc stops it. The later ones no longer need Blender.
+    reads all of it, for nothing may change in between; Esc stops it. Then Cycles is asked for materials that are
+    more than constants and images. The last steps no longer need Blender.
 
     Raises
     ------
@@ -80,10 +85,19 @@ def export_render_steps(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer)
     """
     node_lights = yield from light_node_steps(scene, view_layer)
     yield Progress("Evaluating the scene", 0.0)
+    name, identity = scene.name, scene.session_uid
+    evaluate = hasattr(scene, "cycles")
     reading = with_render_depsgraph(
-        scene, view_layer, lambda depsgraph, stop: _drain(_read_steps(depsgraph, node_lights), stop)
+        scene, view_layer, lambda depsgraph, stop: _drain(_read_steps(depsgraph, evaluate, node_lights), stop)
     )
-    return (yield from _build_steps(reading, scene.name))
+    yield Progress("Preparing materials", _READING)
+    pending = tuple(reading.materials.unevaluated.values())
+    evaluation = None
+    if pending:
+        around = Surroundings(reading.meshes, reading.instances, reading.data, reading.looks)
+        steps = evaluation_steps(_find_scene(name, identity), pending, around)
+        evaluation = yield from _within(steps, _READING, _PLACING)
+    return (yield from _build_steps(reading, name, evaluation))
 
 
 @dataclass(frozen=True)
@@ -94,17 +108,20 @@ class _Reading:
     instances: list[Instances]
     objects: tuple[str, ...]
     diffuse_visible: tuple[bool, ...]
-    materials: Materials
-    textures: tuple[Texture, ...]
+    data: dict[int, SurfaceData]
+    looks: list[list[ObjectLook]]
+    materials: MaterialTable
     lights: Lights
     light_rules: LightRules | None
     notices: tuple[Notice, ...]
 
 
-def _read_steps(depsgraph: bpy.types.Depsgraph, node_lights: Mapping[str, NodeLight] | None = None) -> Steps[_Reading]:
+def _read_steps(
+    depsgraph: bpy.types.Depsgraph, evaluate: bool, node_lights: Mapping[str, NodeLight] | None = None
+) -> Steps[_Reading]:
     """Read everything from an evaluated depsgraph, one object instance per step."""
     view_layer = depsgraph.view_layer_eval
-    materials = MaterialTable(depsgraph.scene_eval, view_layer.material_override)
+    materials = MaterialTable(depsgraph.scene_eval, view_layer.material_override, evaluate)
     geometry = GeometryReader(materials, depsgraph)
     count = max(1, len(depsgraph.object_instances))
     for index, instance in enumerate(depsgraph.object_instances):
@@ -118,15 +135,15 @@ def _read_steps(depsgraph: bpy.types.Depsgraph, node_lights: Mapping[str, NodeLi
         instances=geometry.instances,
         objects=tuple(geometry.objects),
         diffuse_visible=tuple(geometry.diffuse_visible),
-        materials=materials.materials(),
-        textures=materials.textures,
+        data=geometry.data,
+        looks=geometry.looks,
+        materials=materials,
         lights=lights,
         light_rules=light_rules,
         notices=merge(
             (
                 *_colour_notices(),
                 *geometry.notices,
-                *materials.notices,
                 *light_notices,
                 *linking.notices,
                 *(_world_notices(geometry) if lights.world.any() else ()),
@@ -135,32 +152,59 @@ def _read_steps(depsgraph: bpy.types.Depsgraph, node_lights: Mapping[str, NodeLi
     )
 
 
-def _build_steps(reading: _Reading, name: str) -> Steps[Scene]:
-    """Make the scene of what was read. Touches no Blender data."""
-    flattening = flatten_steps(reading.meshes, reading.instances)
-    try:
-        while True:
-            step = next(flattening)
-            yield Progress(step.task, _READING + (1.0 - _READING) * step.fraction)
-    except StopIteration as end:
-        flattened: Flattened = end.value
+def _build_steps(reading: _Reading, name: str, evaluation: Evaluation | None) -> Steps[Scene]:
+    """Make the scene of what was read and evaluated. Touches no Blender data."""
+    instances = reading.instances if evaluation is None else evaluation.instances
+    flattened = yield from _within(flatten_steps(reading.meshes, instances), _PLACING, 1.0)
     if not flattened.geometry.triangle_count:
         bad = sum(flattened.dropped.values())
         raise SceneError(
             f"scene '{name}' has no mesh, curve, surface, text, hair or point cloud that light could meet: "
             + (f"all {bad:,} triangles are without area or not finite" if bad else "add one, or show it in renders")
         )
+    materials, textures, notices = reading.materials.finish({} if evaluation is None else evaluation.materials)
+    if evaluation is not None:
+        notices = (*notices, *evaluation.notices)
     return Scene(
         name=name,
         geometry=flattened.geometry,
-        materials=reading.materials,
-        textures=reading.textures,
+        materials=materials,
+        textures=textures,
         lights=reading.lights,
         objects=reading.objects,
         diffuse_visible=np.array(reading.diffuse_visible, dtype=np.bool_),
         light_rules=reading.light_rules,
-        notices=merge((*reading.notices, *_geometry_notices(reading, flattened))),
+        notices=merge((*reading.notices, *notices, *_geometry_notices(reading, flattened))),
+        surfaces=_record(reading, evaluation),
     )
+
+
+def _record(reading: _Reading, evaluation: Evaluation | None) -> SurfaceRecord:
+    """Return where materials came from."""
+    direct = reading.materials.read_directly
+    if evaluation is None:
+        return SurfaceRecord(direct)
+    return SurfaceRecord(direct, evaluation.evaluated, evaluation.recalled, evaluation.seconds)
+
+
+def _within(steps: Steps[Result], low: float, high: float) -> Steps[Result]:
+    """Take all steps as the part from `low` to `high` of the whole."""
+    with closing(steps):
+        while True:
+            try:
+                step = next(steps)
+            except StopIteration as end:
+                result: Result = end.value
+                return result
+            yield Progress(step.task, low + (high - low) * step.fraction)
+
+
+def _find_scene(name: str, identity: int) -> bpy.types.Scene:
+    """Return the scene that was read, which undo may have moved in memory."""
+    for scene in bpy.data.scenes:
+        if scene.session_uid == identity:
+            return scene
+    raise SceneError(f"scene '{name}' was removed while it was read: nothing was changed")
 
 
 def _geometry_notices(reading: _Reading, flattened: Flattened) -> Iterator[Notice]:

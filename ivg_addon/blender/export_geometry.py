@@ -22,7 +22,9 @@ from ..core.report import Notice, merge
 from ..core.scene import Float32, Int32
 from ..core.spheres import sphere_cloud
 from ..core.strands import Strands, strand_tubes
+from .evaluation_data import ObjectLook, SurfaceData, object_look
 from .export_materials import MaterialTable
+from .export_needs import Needs
 from .export_strands import hair_systems, read_curves, read_hair, read_points
 
 _UNREAD = {
@@ -43,6 +45,8 @@ class _Places:
     uv_map: tuple[str | None, ...]
     objects: array[int] = field(default_factory=lambda: array("i"))
     matrices: array[float] = field(default_factory=lambda: array("f"))
+    needs: Needs | None = None
+    looks: list[ObjectLook] = field(default_factory=list)
 
     def instances(self) -> Instances:
         """Return them as arrays."""
@@ -63,14 +67,17 @@ class _Part:
     object: int
     inside: Float32 | None = None
 
-    def add(self, matrix_world: Any) -> None:
+    def add(self, instance: bpy.types.DepsgraphObjectInstance) -> None:
         """Add an instance of the object."""
+        if self.places.needs is not None:
+            look = object_look(instance, self.places.needs)
+            self.places.looks.extend([look] * (1 if self.inside is None else len(self.inside)))
         if self.inside is None:
             self.places.objects.append(self.object)
-            for row in matrix_world:
+            for row in instance.matrix_world:
                 self.places.matrices.extend(row)
         else:
-            placed = np.array(matrix_world, dtype=np.float64) @ self.inside
+            placed = np.array(instance.matrix_world, dtype=np.float64) @ self.inside
             self.places.objects.extend([self.object] * len(placed))
             self.places.matrices.frombytes(placed.astype(np.float32).tobytes())
 
@@ -91,6 +98,7 @@ class GeometryReader:
         self.objects: list[str] = []
         self.diffuse_visible: list[bool] = []
         self.shadow_visible: list[bool] = []
+        self.data: dict[int, SurfaceData] = {}
         self._materials = materials
         self._rendered = depsgraph.mode == "RENDER"
         self._shows_hair = depsgraph.view_layer_eval.use_strand
@@ -106,6 +114,11 @@ class GeometryReader:
     def instances(self) -> list[Instances]:
         """Return where all meshes stand."""
         return [places.instances() for places in self._places.values()]
+
+    @property
+    def looks(self) -> list[list[ObjectLook]]:
+        """Return what each place of `instances` looks like; nothing where no material asks."""
+        return [places.looks for places in self._places.values()]
 
     @property
     def notices(self) -> tuple[Notice, ...]:
@@ -131,7 +144,7 @@ class GeometryReader:
             owner = (instance.instance_object if instance.is_instance else shown) or shown
             self._parts[key] = self._read(instance, shown, owner, [shown, parent] if parent else [shown])
         for part in self._parts[key]:
-            part.add(instance.matrix_world)
+            part.add(instance)
 
     def _read(
         self,
@@ -174,6 +187,8 @@ class GeometryReader:
             for name in uv_map:
                 if name is not None and name not in self.meshes[index].uv_maps:
                     self.meshes[index].uv_maps[name] = read_uv_map(mesh, name)
+            for needs in self._needs(materials):
+                self.data.setdefault(index, SurfaceData()).read(mesh, needs)
         return [_Part(self._places_of(index, materials, uv_map), self._object(subject, seers))]
 
     def _curves(self, shown: bpy.types.Object, seers: list[bpy.types.Object], subject: str) -> list[_Part]:
@@ -182,7 +197,7 @@ class GeometryReader:
         if material == LIGHT_PASSES:
             return []
         pointer = shown.data.as_pointer()
-        wanted = self._materials.uv_map(material)
+        wanted = self._hair_uv(material)
         if pointer not in self._mesh_index:
             strands = read_curves(shown.data, self._straight_hair)
             self._keep_tubes(pointer, strands, len(strands), subject)
@@ -192,6 +207,7 @@ class GeometryReader:
         uv_map: str | None = None
         if wanted is not None:
             uv_map = wanted or next(iter(self.meshes[index].uv_maps), None)
+        self._lend_uv(index, uv_map)
         return [_Part(self._places_of(index, (material,), (uv_map,)), self._object(subject, seers))]
 
     def _particle_hair(self, shown: bpy.types.Object, seers: list[bpy.types.Object], subject: str) -> list[_Part]:
@@ -202,16 +218,28 @@ class GeometryReader:
             material = materials[min(max(system.settings.material - 1, 0), len(materials) - 1)]
             if material == LIGHT_PASSES:
                 continue
-            uv_name = self._uv_name(shown.data, self._materials.uv_map(material), subject)
+            uv_name = self._uv_name(shown.data, self._hair_uv(material), subject)
             key = (shown.original.as_pointer(), str(system.name), uv_name)
             if key not in self._mesh_index:
                 names = () if uv_name is None else (uv_name,)
                 strands, count = read_hair(shown, modifier, self._rendered, self._straight_hair, names)
                 self._keep_tubes(key, strands, count, subject)
             index = self._mesh_index[key]
+            self._lend_uv(index, uv_name)
             if len(self.meshes[index].triangle_corners):
                 parts.append(_Part(self._places_of(index, (material,), (uv_name,)), self._object(subject, seers)))
         return parts
+
+    def _hair_uv(self, material: int) -> str | None:
+        """Return the UV map that hair of a material needs, "" for the active one."""
+        reads_uv = any(needs.default_uv for needs in self._needs((material,)))
+        return "" if reads_uv else self._materials.uv_map(material)
+
+    def _lend_uv(self, mesh: int, name: str | None) -> None:
+        """Let materials that are evaluated read the UV map of hair."""
+        uv_map = None if name is None else self.meshes[mesh].uv_maps.get(name)
+        if uv_map is not None:
+            self.data.setdefault(mesh, SurfaceData()).uv = uv_map
 
     def _points(self, shown: bpy.types.Object, seers: list[bpy.types.Object], subject: str) -> list[_Part]:
         """Read a point cloud: as in Cycles, all of the first material and without texture coordinates."""
@@ -233,6 +261,11 @@ class GeometryReader:
             self._keep(key, cloud.mesh)
         places = self._places_of(self._mesh_index[key], (material,), (None,))
         return [_Part(places, self._object(subject, seers), cloud.matrices)]
+
+    def _needs(self, materials: tuple[int, ...]) -> list[Needs]:
+        """Return what those of some materials need that are still to be evaluated."""
+        unevaluated = self._materials.unevaluated
+        return [unevaluated[index].tree.needs for index in dict.fromkeys(materials) if index in unevaluated]
 
     def _slot_materials(self, shown: bpy.types.Object) -> tuple[int, ...]:
         """Return the materials of an object's slots, at least one."""
@@ -262,7 +295,10 @@ class GeometryReader:
     def _places_of(self, mesh: int, materials: tuple[int, ...], uv_map: tuple[str | None, ...]) -> _Places:
         key = (mesh, materials, uv_map)
         if key not in self._places:
-            self._places[key] = _Places(mesh, materials, uv_map)
+            placed = Needs()
+            for needs in self._needs(materials):
+                placed.update(needs)
+            self._places[key] = _Places(mesh, materials, uv_map, needs=placed if placed.placed else None)
         return self._places[key]
 
     def _uv_name(self, mesh: bpy.types.Mesh, wanted: str | None, subject: str) -> str | None:

@@ -3,19 +3,80 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
 import bpy
 import numpy as np
 
+from ..core.atlas import Atlas
+from ..core.closures import Caustics, Closure
 from ..core.instancing import LIGHT_PASSES
-from ..core.principled import Layers, diffuse_share
+from ..core.material_rows import (
+    PROBES,
+    MaterialRow,
+    Quantity,
+    as_constant,
+    as_image,
+    as_texture,
+    is_proportional,
+    lets_light_pass,
+    make_row,
+    pack_materials,
+)
 from ..core.report import Notice, merge
-from ..core.scene import NO_TEXTURE, Materials, Texture
-from .export_colours import ColourReader, Float64, Notes, Paint
-from .export_images import ImageTable
-from .export_surface import Surface, SurfaceReader
+from ..core.scene import Materials, Texture
+from ..core.shade import shade
+from .export_colours import Float64, Notes
+from .export_images import ImageTable, ImageUse
+from .export_needs import is_missing
+from .export_surface import SurfaceTree, read_surface
 
-_DEFAULT_COLOUR = 0.8
-"""Where there is no material Cycles takes a Principled BSDF as it is when it is added: this grey."""
+_DEFAULT_COLOUR = (0.8, 0.8, 0.8)
+_WRONG = {
+    "NaN": "has values that are not numbers: taken as 0",
+    "negative": "has negative values: taken as 0",
+    "bright": "reflects more light than it receives: scaled down, or light would grow at each bounce",
+}
+
+
+@dataclass(frozen=True)
+class Unevaluated:
+    """A material with leaves that are still to be evaluated.
+
+    Parameters
+    ----------
+    row
+        Its index among the materials; that of its back, if it has one, is the next.
+    name
+        The datablock's name.
+    identity
+        Its `session_uid`.
+    """
+
+    row: int
+    name: str
+    identity: int
+    tree: SurfaceTree
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """Values of a material's leaves.
+
+    Parameters
+    ----------
+    atlas
+        Where triangles find them.
+    texels : (k,) int64
+        See `Atlas.texels`.
+    leaves
+        (k, 3) or (k, 1) each.
+    """
+
+    atlas: Atlas
+    texels: np.ndarray
+    leaves: Sequence[Float64]
 
 
 class MaterialTable:
@@ -27,20 +88,26 @@ class MaterialTable:
         Whose render settings count; evaluated.
     override
         The view layer's material override, if any: it takes the place of every material.
+    evaluate
+        Leaves will be evaluated; else something simple is taken in their place, and said.
     """
 
-    def __init__(self, scene: bpy.types.Scene, override: bpy.types.Material | None = None) -> None:
+    def __init__(
+        self, scene: bpy.types.Scene, override: bpy.types.Material | None = None, evaluate: bool = False
+    ) -> None:
         cycles = getattr(scene, "cycles", None)  # absent where Cycles is disabled
-        self._caustics = bool(getattr(cycles, "caustics_reflective", True))
+        self._caustics = Caustics(
+            bool(getattr(cycles, "caustics_reflective", True)), bool(getattr(cycles, "caustics_refractive", True))
+        )
         self._override = override
+        self._evaluate = evaluate
         self._images = ImageTable()
         self._index: dict[str, int] = {}
         self._uv_maps: dict[int, str] = {}
+        self._rows: list[MaterialRow | None] = []
         self._names: list[str] = []
-        self._albedo: list[Float64] = []
-        self._texture: list[int] = []
-        self._emission: list[Float64] = []
         self._notices: list[Notice] = []
+        self.unevaluated: dict[int, Unevaluated] = {}
 
     def index(self, material: bpy.types.Material | None) -> int:
         """Return a material's index, or `LIGHT_PASSES`; None is Cycles' default."""
@@ -51,84 +118,164 @@ class MaterialTable:
         return self._index[key]
 
     def uv_map(self, index: int) -> str | None:
-        """Return the UV map that a material's texture lies on ("" the active one), None without texture."""
+        """Return the UV map that a material's image lies on ("" the active one), None without image."""
         return self._uv_maps.get(index)
 
-    def materials(self) -> Materials:
-        """Return all materials met so far."""
-        return Materials(
-            names=tuple(self._names),
-            albedo=np.array(self._albedo, dtype=np.float32).reshape(-1, 3),
-            texture=np.array(self._texture, dtype=np.int32),
-            emission=np.array(self._emission, dtype=np.float32).reshape(-1, 3),
-        )
+    def finish(self, evaluated: Mapping[int, Evaluated]) -> tuple[Materials, tuple[Texture, ...], tuple[Notice, ...]]:
+        """Return all materials met, their textures and what is to be said; touches no Blender data.
+
+        Parameters
+        ----------
+        evaluated
+            Values for each of `unevaluated`, by the same key; those that are missing reflect nothing.
+        """
+        textures = list(self._images.textures)
+        for row, pending in self.unevaluated.items():
+            values = evaluated.get(row)
+            if values is None:
+                self._fill(row, pending.name, pending.tree, [np.zeros((1, 3))] * len(pending.tree.leaves), as_constant)
+                continue
+            adding = _TextureList(textures, pending.name, values)
+            self._fill(row, pending.name, pending.tree, values.leaves, as_texture(adding))
+        rows = [row for row in self._rows if row is not None]
+        return pack_materials(rows), tuple(textures), merge((*self._notices, *self._images.notices))
 
     @property
-    def textures(self) -> tuple[Texture, ...]:
-        """Return the textures that `materials` names."""
-        return self._images.textures
-
-    @property
-    def notices(self) -> tuple[Notice, ...]:
-        """Return what was simplified or left out."""
-        return merge((*self._notices, *self._images.notices))
+    def read_directly(self) -> int:
+        """Return how many materials need no evaluation."""
+        return len(self._index) - len(self.unevaluated)
 
     def _add(self, material: bpy.types.Material | None) -> int:
         """Read a material; return its index, or `LIGHT_PASSES`."""
         name = "(none)" if material is None else str(material.name)
         notes = Notes(f"material '{name}'")
-        colours = ColourReader(self._images, notes)
         if material is None:
-            layers = Layers(specular=self._caustics)
-            surface = Surface((Paint(_DEFAULT_COLOUR * diffuse_share(layers)),))
-            notes.add("simplified", "diffuse reflection only, without specular")
+            tree = SurfaceTree((default_surface(_DEFAULT_COLOUR),))
         elif material.node_tree is None:
-            surface = Surface((Paint(np.array(material.diffuse_color[:3], dtype=np.float64)),))
+            red, green, blue, _ = material.diffuse_color
+            tree = SurfaceTree((Closure("DIFFUSE", {"Color": (red, green, blue), "Roughness": (0.0,)}),))
         else:
-            surface = SurfaceReader(colours, self._caustics).read(material.node_tree)
-        index = LIGHT_PASSES
-        if not surface.lets_light_pass:
-            index = len(self._names)
-            paint = _single(surface.diffuse, colours)
-            self._names.append(name)
-            self._albedo.append(_limited(paint, notes))
-            self._texture.append(NO_TEXTURE if paint.image is None else self._images.texture(paint.image))
-            self._emission.append(_radiance(surface.emission, notes))
-            if paint.image is not None:
-                self._uv_maps[index] = paint.image.uv_map
-                if self._images.brightest(paint.image) * np.max(self._albedo[-1]) > 1.0:
-                    notes.add("warning", f"image '{paint.image.name}' reflects above 1 in places: clamped there")
+            tree = read_surface(material, notes)
         self._notices += notes.notices
-        return index
+        if not tree.leaves and tree.back is None and lets_light_pass(shade(tree.front, [], self._caustics)):
+            return LIGHT_PASSES
+        row = len(self._names)
+        sides = 1 if tree.back is None else 2
+        self._names += [name] * sides
+        self._rows += [None] * sides
+        image = self._single_image(tree)
+        if not tree.leaves:
+            self._fill(row, name, tree, [], as_constant)
+        elif image is not None:
+            self._fill(row, name, tree, [PROBES] * len(tree.leaves), as_image(self._images.texture(image)))
+            self._uv_maps[row] = image.uv_map
+            self._note_bright(row, image)
+        elif self._evaluate and material is not None:
+            for leaf in tree.leaves:
+                if leaf.image is not None and leaf.image.image is not None and is_missing(leaf.image.image):
+                    what = f"{leaf.name}: image '{leaf.image.name}' cannot be read: magenta, as in Cycles"
+                    self._notices.append(Notice("warning", f"material '{name}'", what))
+            self.unevaluated[row] = Unevaluated(row, name, int(material.original.session_uid), tree)
+        else:
+            self._fill(row, name, tree, self._instead(tree, notes), as_constant)
+            self._notices += notes.notices
+        return row
+
+    def _single_image(self, tree: SurfaceTree) -> ImageUse | None:
+        """Return the image, if there is one, that all of a surface is proportional to."""
+        uses = {leaf.image for leaf in tree.leaves}
+        if len(uses) != 1 or None in uses:
+            return None
+        if self._evaluate and any(use is not None and _has_tiles(use.image) for use in uses):
+            return None
+        probes = [PROBES] * len(tree.leaves)
+        sides = (tree.front,) if tree.back is None else (tree.front, tree.back)
+        if not all(is_proportional(shade(side, probes, self._caustics)) for side in sides):
+            return None
+        return uses.pop()
+
+    def _note_bright(self, row: int, image: ImageUse) -> None:
+        """Say so where an image makes a surface reflect more than all light."""
+        made = self._rows[row]
+        if made is not None and self._images.brightest(image) * np.max(made.albedo.colour, initial=0.0) > 1.0:
+            message = f"image '{image.name}' reflects above 1 in places: clamped there"
+            self._notices.append(Notice("warning", f"material '{made.name}'", message))
+
+    def _instead(self, tree: SurfaceTree, notes: Notes) -> list[Float64]:
+        """Return something simple in place of leaves: an image's mean, or the socket's own value."""
+        values = []
+        for leaf in tree.leaves:
+            if leaf.image is not None:
+                notes.add("simplified", f"{leaf.name}: mean colour of image '{leaf.image.name}' taken")
+                values.append(self._images.mean(leaf.image)[None])
+            else:
+                own = ", ".join(f"{value:.3g}" for value in leaf.fallback)
+                notes.add("simplified", f"{leaf.name}: its own value ({own}) taken instead of its nodes")
+                values.append(np.array([leaf.fallback]))
+        return values
+
+    def _fill(
+        self,
+        row: int,
+        name: str,
+        tree: SurfaceTree,
+        leaves: Sequence[Float64],
+        quantity: Callable[[Float64], Quantity],
+    ) -> None:
+        """Make a material's rows of the values of its leaves."""
+        sides = [tree.front] if tree.back is None else [tree.front, tree.back]
+        for side, closures in enumerate(sides):
+            shading, wrong = shade(closures, leaves, self._caustics).sound()
+            for kind in _WRONG:
+                if kind in wrong:
+                    self._notices.append(Notice("warning", f"material '{name}'", _WRONG[kind]))
+            back = row + 1 if tree.back is not None else row
+            self._rows[row + side] = make_row(name, shading, back, quantity)
 
 
-def _single(paints: tuple[Paint, ...], colours: ColourReader) -> Paint:
-    """Return the sum of diffuse lobes: exact if at most one of them has a texture and the others none of weight."""
-    paints = tuple(paint for paint in paints if paint.colour.any())
-    if len(paints) == 1:
-        return paints[0]
-    if any(paint.image is not None for paint in paints):
-        colours.notes.add("simplified", "several diffuse closures: mean colours of their images taken")
-    return Paint(np.sum([colours.mean(paint) for paint in paints], axis=0) if paints else np.zeros(3))
+def _has_tiles(image: bpy.types.Image | None) -> bool:
+    return image is not None and image.source == "TILED" and len(image.tiles) > 1
 
 
-def _limited(paint: Paint, notes: Notes) -> Float64:
-    """Return a paint's colour within what a surface can reflect."""
-    if not np.isfinite(paint.colour).all():
-        notes.add("warning", "colour is not a number: taken as black")
-        return np.zeros(3)
-    limited = np.clip(paint.colour, 0.0, 1.0)
-    if (limited != paint.colour).any():
-        rgb = ", ".join(f"{value:.3g}" for value in paint.colour)
-        notes.add("warning", f"reflectance ({rgb}) is outside 0 to 1: clamped, or light would grow at each bounce")
-    return limited
+def default_surface(colour: tuple[float, ...]) -> Closure:
+    """Return what Cycles takes where there is no material: a Principled BSDF as it is when it is added."""
+    return Closure(
+        "PRINCIPLED",
+        {
+            "Base Color": colour,
+            "Metallic": (0.0,),
+            "Roughness": (0.5,),
+            "IOR": (1.5,),
+            "Alpha": (1.0,),
+            "Diffuse Roughness": (0.0,),
+            "Specular IOR Level": (0.5,),
+            "Specular Tint": (1.0, 1.0, 1.0),
+            "Transmission Weight": (0.0,),
+            "Coat Weight": (0.0,),
+            "Coat Roughness": (0.03,),
+            "Coat IOR": (1.5,),
+            "Coat Tint": (1.0, 1.0, 1.0),
+            "Emission Color": (1.0, 1.0, 1.0),
+            "Emission Strength": (0.0,),
+        },
+        multiscatter=True,
+    )
 
 
-def _radiance(emission: Float64, notes: Notes) -> Float64:
-    """Return an emission without negative or infinite parts."""
-    if not np.isfinite(emission).all():
-        notes.add("warning", "emission is not a number: taken as none")
-        return np.zeros(3)
-    if (emission < 0.0).any():
-        notes.add("warning", "emission is negative: taken as none")
-    return np.maximum(emission, 0.0)
+class _TextureList:
+    """Adds textures of evaluated values to a list, equal ones once."""
+
+    def __init__(self, textures: list[Texture], name: str, values: Evaluated) -> None:
+        self._textures = textures
+        self._name = name
+        self._values = values
+        self._known: dict[bytes, int] = {}
+
+    def __call__(self, values: Float64) -> int:
+        """Return the index of a texture of values (k, 3)."""
+        key = values.tobytes()
+        if key not in self._known:
+            self._known[key] = len(self._textures)
+            pixels = self._values.atlas.image(self._values.texels, values)
+            self._textures.append(Texture(f"material '{self._name}'", pixels, interpolate=False, extension="EXTEND"))
+        return self._known[key]

@@ -1,9 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a material's shader tree amounts to: diffuse reflection and emission.
-
-A surface is a sum of weighted closures. Mix and Add nodes with constant factors are exact sums;
-closures other than diffuse reflection and emission reflect nothing, and are named.
-"""
+"""A material's shader tree as a sum of weighted closures."""
 
 from __future__ import annotations
 
@@ -11,230 +7,234 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import bpy
-import numpy as np
 
-from ..core.principled import Colour, Layers, coat_share, diffuse_share, oren_nayar_albedo
-from .export_colours import ColourReader, Float64, Paint
+from ..core.closures import Closure, Factor, Value
+from .export_colours import Notes
+from .export_needs import Needs, is_undefined
 from .export_nodes import Input, Output, follow
+from .export_sockets import LeafSource, SocketReader
 
-_TRACE = 1e-4
-"""A weight below this is nothing."""
+_PRINCIPLED = {
+    "Base Color": True,
+    "Metallic": False,
+    "Roughness": False,
+    "IOR": False,
+    "Alpha": False,
+    "Diffuse Roughness": False,
+    "Specular IOR Level": False,
+    "Specular Tint": True,
+    "Transmission Weight": False,
+    "Coat Weight": False,
+    "Coat Roughness": False,
+    "Coat IOR": False,
+    "Coat Tint": True,
+    "Emission Color": True,
+    "Emission Strength": False,
+}
+"""Inputs of a Principled BSDF that carry energy, and whether they are colours."""
 
 
 @dataclass(frozen=True)
-class Surface:
-    """A weighted sum of closures.
+class SurfaceTree:
+    """A material as read.
 
     Parameters
     ----------
-    diffuse
-        The colours of its diffuse lobes.
-    emission : (3,) float64
-        Radiance, W/(m² sr).
-    passing
-        Weight of what lets light through: transparent, glass, refraction.
+    front
+        Its closures.
+    back
+        Those seen from behind, None where they are the same.
+    leaves
+        What is evaluated later, by the index that `closures.Leaf` gives.
+    needs
+        What the leaves read of the surface.
     """
 
-    diffuse: tuple[Paint, ...] = ()
-    emission: Float64 = field(default_factory=lambda: np.zeros(3))
-    passing: float = 0.0
-
-    @property
-    def lets_light_pass(self) -> bool:
-        """Tell whether to leave its faces out rather than to let them block light."""
-        return self.passing > 0.5 and not self.emission.any()
-
-    def scaled(self, factor: float) -> Surface:
-        """Return it with every closure's weight multiplied."""
-        return Surface(
-            tuple(paint.scaled(factor) for paint in self.diffuse), self.emission * factor, self.passing * factor
-        )
-
-    def __add__(self, other: Surface) -> Surface:
-        """Return the closures of both."""
-        return Surface(self.diffuse + other.diffuse, self.emission + other.emission, self.passing + other.passing)
+    front: tuple[Closure, ...] = ()
+    back: tuple[Closure, ...] | None = None
+    leaves: tuple[LeafSource, ...] = ()
+    needs: Needs = field(default_factory=Needs)
 
 
-class SurfaceReader:
-    """Reads one material's closures.
+def read_surface(material: bpy.types.Material, notes: Notes) -> SurfaceTree:
+    """Return the surface of a material's node tree."""
+    leaves: dict[object, LeafSource] = {}
+    needs = Needs()
+    front = _SurfaceReader(SocketReader(notes, 0, leaves, needs), notes).read(material)
+    back = None
+    if needs.sided:
+        back = _SurfaceReader(SocketReader(notes, 1, leaves, needs), notes).read(material)
+    return SurfaceTree(front, back, tuple(leaves.values()), needs)
 
-    Parameters
-    ----------
-    colours
-        Reads its sockets.
-    reflective_caustics
-        The scene's setting: where it is off, Cycles' diffuse rays see no specular layers.
-    """
 
-    def __init__(self, colours: ColourReader, reflective_caustics: bool) -> None:
-        self._colours = colours
-        self._caustics = reflective_caustics
+class _SurfaceReader:
+    """Reads one material's closures, seen from one side."""
+
+    def __init__(self, sockets: SocketReader, notes: Notes) -> None:
+        self._sockets = sockets
+        self._notes = notes
         self._omitted: dict[str, None] = {}
+        self._path: list[object] = []
 
-    def read(self, tree: bpy.types.NodeTree) -> Surface:
-        """Return the surface of a material's node tree; notices go to the colour reader's notes."""
-        notes = self._colours.notes
-        node = tree.get_output_node("CYCLES")
+    def read(self, material: bpy.types.Material) -> tuple[Closure, ...]:
+        """Return the closures of a material's tree."""
+        node = material.node_tree.get_output_node("CYCLES")
         if node is None:
-            notes.add("warning", "has no material output: black")
-            return Surface()
+            self._notes.add("warning", "has no material output: black")
+            return ()
         surface_input, volume, displacement = (
             Input(node.inputs[name]) for name in ("Surface", "Volume", "Displacement")
         )
-        surface = self._closure(surface_input)
+        closures = self._closures(surface_input, ())
         if follow(volume)[1] is not None:
             self._omitted["volume"] = None
             if follow(surface_input)[1] is None:
-                surface = Surface(passing=1.0)
-        if follow(displacement)[1] is not None:
+                closures = (Closure("TRANSPARENT", {"Color": (1.0, 1.0, 1.0)}),)
+        if follow(displacement)[1] is not None and material.displacement_method != "BUMP":
             self._omitted["displacement"] = None
-        self._note(surface)
-        return surface
+        if self._omitted:
+            self._notes.add("simplified", f"without {', '.join(self._omitted)}")
+        return closures
 
-    def _note(self, surface: Surface) -> None:
-        """Say what was not taken into account."""
-        notes = self._colours.notes
-        if not surface.lets_light_pass and surface.passing > _TRACE:
-            self._omitted["transparency (taken as opaque)"] = None
-        without = f"without {', '.join(self._omitted)}"
-        if surface.lets_light_pass:
-            passes = "light passes straight through its faces"
-            notes.add("left out", f"{passes}, {without}" if self._omitted else passes)
-        elif self._omitted:
-            notes.add("simplified", f"diffuse reflection and emission only, {without}")
-
-    def _closure(self, entry: Input) -> Surface:
+    def _closures(self, entry: Input, weight: tuple[Factor, ...]) -> tuple[Closure, ...]:
         _, output = follow(entry)
         if output is None:
-            return Surface()
+            return ()
         if output.socket.type != "SHADER":
             # A colour in place of a shader shines, in Cycles.
-            return Surface(emission=self._colours.colour(entry, "Surface"))
+            colour = self._sockets.colour(entry, "Surface")
+            return (Closure("EMISSION", {"Color": colour, "Strength": (1.0,)}, weight),)
         reader = _READERS.get(output.node.type)
         if reader is None:
-            self._omitted[output.label] = None
-            return Surface()
-        return reader(self, output)
+            if is_undefined(output.node):
+                self._notes.add("warning", f"node '{output.node.name}' is of an unknown type: black, as in Cycles")
+            else:
+                self._omitted[output.label] = None
+            return ()
+        place = (output.node, output.groups)
+        if place in self._path:
+            self._notes.add("warning", f"node '{output.node.name}' is linked in a circle: ignored there")
+            return ()
+        self._path.append(place)
+        try:
+            return reader(self, output, weight)
+        finally:
+            self._path.pop()
 
-    def _sum(self, output: Output) -> Surface:
-        return self._closure(output.input("Shader")) + self._closure(output.input("Shader_001"))
+    def _sum(self, output: Output, weight: tuple[Factor, ...]) -> tuple[Closure, ...]:
+        return self._closures(output.input("Shader"), weight) + self._closures(output.input("Shader_001"), weight)
 
-    def _mix(self, output: Output) -> Surface:
-        factor = min(max(self._colours.number(output.input("Fac"), "shader mix factor"), 0.0), 1.0)
-        mixed = Surface()
-        if factor < 1.0:
-            mixed += self._closure(output.input("Shader")).scaled(1.0 - factor)
-        if factor > 0.0:
-            mixed += self._closure(output.input("Shader_001")).scaled(factor)
-        return mixed
+    def _mix(self, output: Output, weight: tuple[Factor, ...]) -> tuple[Closure, ...]:
+        entry = output.input("Fac")
+        _, source = follow(entry)
+        ior = None if source is None else self._sockets.fresnel_ior(source)
+        value: Value = ior if ior is not None else self._sockets.number(entry, "shader mix factor")
+        fresnel = ior is not None
+        closures: tuple[Closure, ...] = ()
+        # A shader of weight zero may be anything: it is not looked at.
+        if fresnel or not isinstance(value, tuple) or value[0] < 1.0:
+            closures += self._closures(output.input("Shader"), (*weight, Factor(value, True, fresnel)))
+        if fresnel or not isinstance(value, tuple) or value[0] > 0.0:
+            closures += self._closures(output.input("Shader_001"), (*weight, Factor(value, False, fresnel)))
+        return closures
 
-    def _emission(self, output: Output) -> Surface:
-        strength = self._colours.number(output.input("Strength"))
-        if strength == 0.0:
-            return Surface()
-        return Surface(emission=strength * self._colours.colour(output.input("Color")))
-
-    def _diffuse(self, output: Output) -> Surface:
-        self._bump(output)
-        return Surface((self._rough(self._colours.paint(output.input("Color")), output, "Roughness"),))
-
-    def _subsurface(self, output: Output) -> Surface:
-        self._bump(output)
-        self._omitted["subsurface scattering (taken as diffuse)"] = None
-        return Surface((self._colours.paint(output.input("Color")),))
-
-    def _toon(self, output: Output) -> Surface:
-        if output.node.component != "DIFFUSE":
-            self._omitted[output.label] = None
-            return Surface()
-        self._omitted["toon shading (taken as diffuse)"] = None
-        return Surface((self._colours.paint(output.input("Color")),))
-
-    def _transparent(self, output: Output) -> Surface:
-        return Surface(passing=1.0)
-
-    def _refraction(self, output: Output) -> Surface:
-        self._omitted["refraction"] = None
-        return Surface(passing=1.0)
-
-    def _principled(self, output: Output) -> Surface:
-        colours = self._colours
-
-        def number(name: str) -> float:
-            return colours.number(output.input(name))
-
-        def share(name: str) -> float:
-            return min(max(number(name), 0.0), 1.0)
-
-        opacity = share("Alpha")
-        coat = share("Coat Weight")
-        metallic = share("Metallic")
-        transmission = share("Transmission Weight")
-        layers = Layers(
-            metallic=metallic,
-            transmission=transmission,
-            ior=number("IOR"),
-            specular_ior_level=number("Specular IOR Level"),
-            specular_tint=self._tint(output, "Specular Tint"),
-            roughness=share("Roughness"),
-            coat=coat,
-            coat_roughness=share("Coat Roughness") if coat > 0.0 else 0.0,
-            coat_ior=number("Coat IOR") if coat > 0.0 else 1.5,
-            coat_tint=self._tint(output, "Coat Tint") if coat > 0.0 else (1.0, 1.0, 1.0),
-            multiscatter=output.node.distribution == "MULTI_GGX",
-            specular=self._caustics,
-        )
-        self._note_layers(output, layers, share("Sheen Weight"))
-        surface = Surface(passing=1.0 - opacity + opacity * transmission * (1.0 - metallic))
-        kept = opacity * diffuse_share(layers)
-        if np.max(kept) > _TRACE:
-            self._bump(output)
-            base = self._rough(colours.paint(output.input("Base Color")), output, "Diffuse Roughness")
-            surface += Surface((base.scaled(kept),))
-        strength = number("Emission Strength")
-        if strength != 0.0:
-            shining = opacity * strength * coat_share(layers)
-            surface += Surface(emission=shining * colours.colour(output.input("Emission Color")))
-        return surface
-
-    def _note_layers(self, output: Output, layers: Layers, sheen: float) -> None:
-        """Name the lobes of a Principled BSDF that reflect nothing here."""
-        weights = {
-            "metallic": layers.metallic,
-            "specular": (1.0 - layers.metallic) * layers.specular_ior_level * (layers.ior != 1.0),
-            "coat": layers.coat,
-            "sheen": sheen,
-            "refraction": layers.transmission,
-            "subsurface scattering (taken as diffuse)": self._colours.number(output.input("Subsurface Weight")),
+    def _inputs(self, output: Output, colours: tuple[str, ...], numbers: tuple[str, ...] = ()) -> dict[str, Value]:
+        """Return inputs by their names."""
+        return {
+            **{name: self._sockets.colour(output.input(name)) for name in colours},
+            **{name: self._sockets.number(output.input(name)) for name in numbers},
         }
-        self._omitted.update(dict.fromkeys(name for name, weight in weights.items() if weight > 0.0))
 
-    def _tint(self, output: Output, name: str) -> Colour:
-        red, green, blue = np.maximum(self._colours.colour(output.input(name)), 0.0)
-        return float(red), float(green), float(blue)
+    def _emission(self, output: Output, weight: tuple[Factor, ...]) -> tuple[Closure, ...]:
+        return (Closure("EMISSION", self._inputs(output, ("Color",), ("Strength",)), weight),)
 
-    def _rough(self, paint: Paint, output: Output, name: str) -> Paint:
-        """Return a paint with the total reflectance of a rough (Oren–Nayar) diffuse lobe."""
-        roughness = min(max(self._colours.number(output.input(name)), 0.0), 1.0)
-        if roughness < 1e-5:
-            return paint
-        colour = np.clip(self._colours.mean(paint), 1e-6, 1.0)
-        return paint.scaled(oren_nayar_albedo(colour, roughness) / colour)
+    def _diffuse(self, output: Output, weight: tuple[Factor, ...]) -> tuple[Closure, ...]:
+        return (Closure("DIFFUSE", self._inputs(output, ("Color",), ("Roughness",)), weight),)
 
-    def _bump(self, output: Output) -> None:
+    def _as_diffuse(self, output: Output, weight: tuple[Factor, ...]) -> tuple[Closure, ...]:
+        if output.node.type == "BSDF_TOON" and output.node.component != "DIFFUSE":
+            self._omitted[output.label] = None
+            return ()
+        words = {"BSDF_TOON": "toon shading", "SUBSURFACE_SCATTERING": "subsurface scattering"}
+        self._omitted[f"{words[output.node.type]} (taken as diffuse)"] = None
+        return (Closure("DIFFUSE", {**self._inputs(output, ("Color",)), "Roughness": (0.0,)}, weight),)
+
+    def _glossy(self, output: Output, weight: tuple[Factor, ...]) -> tuple[Closure, ...]:
+        self._turned(output)
+        inputs = self._inputs(output, ("Color",), ("Roughness",))
+        if output.node.distribution not in ("GGX", "MULTI_GGX"):
+            self._omitted[f"its {output.node.distribution.replace('_', ' ').title()} distribution (GGX taken)"] = None
+        return (Closure("GLOSSY", inputs, weight, output.node.distribution == "MULTI_GGX"),)
+
+    def _metallic(self, output: Output, weight: tuple[Factor, ...]) -> tuple[Closure, ...]:
+        self._turned(output)
+        numbers = self._inputs(output, (), ("Roughness",))
+        if output.node.fresnel_type == "F82":
+            inputs = {"Color": self._sockets.colour(output.input("Base Color")), **numbers}
+        else:
+            inputs = {**numbers, **self._inputs(output, ("IOR", "Extinction"))}
+        return (Closure("METALLIC", inputs, weight, output.node.distribution == "MULTI_GGX"),)
+
+    def _glass(self, output: Output, weight: tuple[Factor, ...]) -> tuple[Closure, ...]:
+        self._turned(output)
+        inputs = self._inputs(output, ("Color",), ("Roughness", "IOR"))
+        return (Closure("GLASS", inputs, weight, output.node.distribution == "MULTI_GGX"),)
+
+    def _refraction(self, output: Output, weight: tuple[Factor, ...]) -> tuple[Closure, ...]:
+        self._turned(output)
+        return (Closure("REFRACTION", self._inputs(output, ("Color",), ("Roughness", "IOR")), weight),)
+
+    def _translucent(self, output: Output, weight: tuple[Factor, ...]) -> tuple[Closure, ...]:
+        return (Closure("TRANSLUCENT", self._inputs(output, ("Color",)), weight),)
+
+    def _transparent(self, output: Output, weight: tuple[Factor, ...]) -> tuple[Closure, ...]:
+        return (Closure("TRANSPARENT", self._inputs(output, ("Color",)), weight),)
+
+    def _holdout(self, output: Output, weight: tuple[Factor, ...]) -> tuple[Closure, ...]:
+        return ()
+
+    def _principled(self, output: Output, weight: tuple[Factor, ...]) -> tuple[Closure, ...]:
+        read = {True: self._sockets.colour, False: self._sockets.number}
+        inputs = {name: read[colour](output.input(name)) for name, colour in _PRINCIPLED.items()}
+        for name, words in (
+            ("Subsurface Weight", "subsurface scattering (taken as diffuse)"),
+            ("Sheen Weight", "sheen"),
+        ):
+            end, linked = follow(output.input(name))
+            if linked is not None or end.socket.default_value > 0.0:
+                self._omitted[words] = None
+        if "Thin Wall" in output.node.inputs:  # from Blender 5.2 on
+            inputs["Thin Wall"] = self._sockets.number(output.input("Thin Wall"))
+        if inputs["Metallic"] != (0.0,) or inputs["Transmission Weight"] != (0.0,):
+            self._turned(output)
+        return (Closure("PRINCIPLED", inputs, weight, output.node.distribution == "MULTI_GGX"),)
+
+    def _turned(self, output: Output) -> None:
+        """Say which properties of a glossy lobe are not taken into account."""
         if follow(output.input("Normal"))[1] is not None:
             self._omitted["bump or normal map"] = None
+        names = [socket.identifier for socket in output.node.inputs]
+        for name in ("Anisotropy", "Anisotropic"):
+            if name in names:
+                end, linked = follow(output.input(name))
+                if linked is not None or end.socket.default_value != 0.0:
+                    self._omitted["anisotropy"] = None
 
 
-_READERS: dict[str, Callable[[SurfaceReader, Output], Surface]] = {
-    "ADD_SHADER": SurfaceReader._sum,
-    "MIX_SHADER": SurfaceReader._mix,
-    "EMISSION": SurfaceReader._emission,
-    "BSDF_DIFFUSE": SurfaceReader._diffuse,
-    "BSDF_PRINCIPLED": SurfaceReader._principled,
-    "SUBSURFACE_SCATTERING": SurfaceReader._subsurface,
-    "BSDF_TOON": SurfaceReader._toon,
-    "BSDF_TRANSPARENT": SurfaceReader._transparent,
-    "BSDF_GLASS": SurfaceReader._refraction,
-    "BSDF_REFRACTION": SurfaceReader._refraction,
+_READERS: dict[str, Callable[[_SurfaceReader, Output, tuple[Factor, ...]], tuple[Closure, ...]]] = {
+    "ADD_SHADER": _SurfaceReader._sum,
+    "MIX_SHADER": _SurfaceReader._mix,
+    "EMISSION": _SurfaceReader._emission,
+    "BSDF_DIFFUSE": _SurfaceReader._diffuse,
+    "BSDF_PRINCIPLED": _SurfaceReader._principled,
+    "SUBSURFACE_SCATTERING": _SurfaceReader._as_diffuse,
+    "BSDF_TOON": _SurfaceReader._as_diffuse,
+    "BSDF_GLOSSY": _SurfaceReader._glossy,
+    "BSDF_ANISOTROPIC": _SurfaceReader._glossy,
+    "BSDF_METALLIC": _SurfaceReader._metallic,
+    "BSDF_GLASS": _SurfaceReader._glass,
+    "BSDF_REFRACTION": _SurfaceReader._refraction,
+    "BSDF_TRANSLUCENT": _SurfaceReader._translucent,
+    "BSDF_TRANSPARENT": _SurfaceReader._transparent,
+    "HOLDOUT": _SurfaceReader._holdout,
 }

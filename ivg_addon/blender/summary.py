@@ -15,6 +15,7 @@ from ..core.report import Notice
 if TYPE_CHECKING:
     from ..core.bake import BakeResult, BakeStatistics
     from ..core.grid import IrradianceVectorGrid
+    from ..core.scene import SurfaceRecord
     from ..core.settings import Vec3
 
 Row = tuple[str, str]
@@ -87,11 +88,13 @@ def grid_rows(grid: IrradianceVectorGrid) -> list[Row]:
     ]
 
 
-def bake_rows(result: BakeResult, seconds: float, peak_bytes: int) -> list[Row]:
-    """Return what a bake did: the grid, the photons, where the light went, time and memory.
+def bake_rows(result: BakeResult, surfaces: SurfaceRecord, seconds: float, peak_bytes: int) -> list[Row]:
+    """Return what a bake did: the grid, materials, the photons, where the light went, time and memory.
 
     Parameters
     ----------
+    surfaces
+        Where the materials came from.
     seconds
         Wall-clock time of all of it, the export included.
     peak_bytes
@@ -100,6 +103,7 @@ def bake_rows(result: BakeResult, seconds: float, peak_bytes: int) -> list[Row]:
     done = result.statistics
     return [
         *grid_rows(result.grid),
+        ("Materials", _where_from(surfaces)),
         (
             "Photons",
             f"{count(done.photons_per_second)} a second, {done.rays / max(done.photons, 1):.2f} flights each",
@@ -112,6 +116,16 @@ def bake_rows(result: BakeResult, seconds: float, peak_bytes: int) -> list[Row]:
         ),
         ("Memory", f"{memory(done.grid_bytes)} for the grid, {memory(peak_bytes)} at most for all of Blender"),
     ]
+
+
+def _where_from(surfaces: SurfaceRecord) -> str:
+    """Return how many materials were read, how many evaluated, and what that took."""
+    parts = [f"{surfaces.direct} read directly"]
+    if surfaces.evaluated:
+        parts.append(f"{surfaces.evaluated} evaluated by Cycles in {duration(surfaces.seconds)}")
+    if surfaces.recalled:
+        parts.append(f"{surfaces.recalled} evaluated before")
+    return ", ".join(parts)
 
 
 def _where_it_went(statistics: BakeStatistics) -> str:

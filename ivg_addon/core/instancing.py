@@ -49,6 +49,8 @@ class MeshData:
         Material slot of each triangle; None means the first.
     uv_maps
         Texture coordinates (nc, 2) float32 by the name of their map; only those that are needed.
+    triangle_uvs
+        Texture coordinates (nt, 3, 2) float32 that triangles do not share, by the name of their map.
     """
 
     positions: Float32
@@ -57,6 +59,7 @@ class MeshData:
     corner_normals: Float32 | None = None
     slot: Int32 | None = None
     uv_maps: dict[str, Float32] = field(default_factory=dict)
+    triangle_uvs: dict[str, Float32] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -84,6 +87,8 @@ class Instances:
     uv_map: tuple[str | None, ...]
 
 
+_MIRRORED = [0, 2, 1]
+"""The order of a triangle's corners under a mirroring transform."""
 LIGHT_PASSES = -1
 """In place of a material: light passes through these faces, so they are left out."""
 
@@ -221,7 +226,7 @@ def _place_triangles(batch: _Batch, part: slice, first_vertex: int, store: _Stor
     mesh, k = batch.mesh, len(batch.matrices)
     corners = mesh.triangle_corners[part]
     mirrored = _mirrors(batch.matrices[:, :3, :3])
-    corners = np.where(mirrored[:, None, None], corners[:, [0, 2, 1]], corners).reshape(-1, 3)
+    corners = np.where(mirrored[:, None, None], corners[:, _MIRRORED], corners).reshape(-1, 3)
     per_instance = part.stop - part.start
     firsts = first_vertex + len(mesh.positions) * np.arange(k, dtype=np.int32)
     triangles = mesh.corner_vertex[corners] + np.repeat(firsts, per_instance)[:, None]
@@ -251,6 +256,7 @@ def _place_triangles(batch: _Batch, part: slice, first_vertex: int, store: _Stor
         store.corner_normals[into],
     )
     _place_uvs(batch, corners[chosen], slot[chosen], store.uvs[into])
+    _place_triangle_uvs(batch, part, mirrored, slot[chosen], chosen, store.uvs[into])
     return np.asarray(np.count_nonzero(~sound.reshape(k, -1), axis=1), dtype=np.int32)
 
 
@@ -261,6 +267,28 @@ def _place_uvs(batch: _Batch, corners: Int32, slot: Int32, uvs: Float32) -> None
         if coordinates is not None:
             here = slot == index
             uvs[here] = coordinates[corners[here]]
+
+
+def _place_triangle_uvs(
+    batch: _Batch,
+    part: slice,
+    mirrored: NDArray[np.bool_],
+    slot: Int32,
+    chosen: slice | NDArray[np.int64],
+    uvs: Float32,
+) -> None:
+    """Fill in texture coordinates that triangles do not share."""
+    for index, name in enumerate(batch.uv_map):
+        if name is not None and name in batch.mesh.triangle_uvs:
+            own = batch.mesh.triangle_uvs[name][part]
+            placed = np.where(mirrored[:, None, None, None], own[:, _MIRRORED], own).reshape(-1, 3, 2)[chosen]
+            here = slot == index
+            uvs[here] = placed[here]
+
+
+def normal_transform(matrix: Float32 | Float64) -> Float64:
+    """Return what turns normals when points are transformed by `matrix` (4, 4): (3, 3), of no particular scale."""
+    return np.asarray(_cofactors(matrix[None, :3, :3].astype(np.float64))[0])
 
 
 def _mirrors(linear: Float64) -> NDArray[np.bool_]:

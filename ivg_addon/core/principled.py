@@ -34,7 +34,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Float64 = NDArray[np.float64]
 Colour = tuple[float, float, float]
@@ -88,15 +88,15 @@ def diffuse_share(layers: Layers) -> Float64:
     below = (1.0 - layers.metallic) * (1.0 - layers.transmission)
     through = _through_coat(layers)
     if layers.specular:
-        f0, eta = _normal_reflectance(layers)
+        f0, eta = normal_reflectance(layers.ior, layers.specular_ior_level)
         # Cycles takes one share from all channels: that of the most reflective one.
-        tinted = min(f0 * max(layers.specular_tint), 1.0)
-        reflected = layer_reflectance(tinted, eta, layers.roughness, layers.multiscatter)
+        tinted = min(float(f0) * max(layers.specular_tint), 1.0)
+        reflected = layer_reflectance(tinted, float(eta), layers.roughness, layers.multiscatter)
         through = through * np.clip(1.0 - reflected, 0.0, 1.0)[:, None]
     return below * (COSINE_WEIGHTS @ through)
 
 
-def oren_nayar_albedo(colour: Float64, roughness: float) -> Float64:
+def oren_nayar_albedo(colour: Float64, roughness: float | Float64) -> Float64:
     """Return the total reflectance of a rough diffuse lobe of that colour, any shape.
 
     Fujii's improved Oren–Nayar model with the multiple scattering of the OpenPBR specification:
@@ -131,22 +131,35 @@ def layer_reflectance(f0: float, eta: float, roughness: float, multiscatter: boo
         return fresnel
     true_f0 = ((eta - 1.0) / (eta + 1.0)) ** 2
     mean_shape = np.clip((_mean_fresnel(eta) - true_f0) / (1.0 - true_f0), 0.0, 1.0)
-    mean_fresnel = f0 + (1.0 - f0) * mean_shape
+    overall = f0 + (1.0 - f0) * mean_shape
     mean_single = float(COSINE_WEIGHTS @ single)
-    multiple = mean_fresnel * mean_single / (1.0 - mean_fresnel * (1.0 - mean_single))
+    multiple = overall * mean_single / (1.0 - overall * (1.0 - mean_single))
     return np.asarray(fresnel * (single + multiple * (1.0 - single)))
 
 
-def _normal_reflectance(layers: Layers) -> tuple[float, float]:
-    """Return f₀ of the specular layer before its tint, and the index of refraction to go with it."""
-    ior = max(layers.ior, 1e-5)
-    f0 = ((ior - 1.0) / (ior + 1.0)) ** 2
-    if layers.specular_ior_level == 0.5:
-        return f0, ior
-    f0 *= 2.0 * max(layers.specular_ior_level, 0.0)
-    root = np.sqrt(min(f0, 0.99))
-    eta = float((1.0 + root) / (1.0 - root))
-    return f0, (1.0 / eta if ior < 1.0 else eta)
+def reflectance_of_ior(ior: ArrayLike) -> Float64:
+    """Return a dielectric's reflectance at normal incidence."""
+    relative = np.asarray(ior, dtype=np.float64)
+    return np.asarray(((relative - 1.0) / (relative + 1.0)) ** 2)
+
+
+def normal_reflectance(ior: ArrayLike, level: ArrayLike) -> tuple[Float64, Float64]:
+    """Return f₀ of the specular layer before its tint, and the index of refraction to go with it.
+
+    Parameters
+    ----------
+    ior, level
+        The sockets IOR and Specular IOR Level; arrays of one shape.
+    """
+    plain = np.maximum(np.asarray(ior, dtype=np.float64), 1e-5)
+    strength = np.asarray(level, dtype=np.float64)
+    f0 = reflectance_of_ior(plain)
+    adjusted = f0 * 2.0 * np.maximum(strength, 0.0)
+    root = np.sqrt(np.minimum(adjusted, 0.99))
+    eta = (1.0 + root) / (1.0 - root)
+    eta = np.where(plain < 1.0, 1.0 / eta, eta)
+    untouched = strength == 0.5
+    return np.where(untouched, f0, adjusted), np.where(untouched, plain, eta)
 
 
 def _through_coat(layers: Layers) -> Float64:
@@ -164,19 +177,32 @@ def _through_coat(layers: Layers) -> Float64:
     return through * (1.0 + layers.coat * (tint - 1.0))
 
 
+def mean_reflectance(eta: float) -> float:
+    """Return ∫₀¹ F_η 2μ dμ of a dielectric, by quadrature."""
+    return float(COSINE_WEIGHTS @ _fresnel(COSINES, eta))
+
+
 def _fresnel(cosine: Float64, eta: float) -> Float64:
-    """Return the reflectance of a dielectric, η ≥ 1, for unpolarised light."""
-    g = np.sqrt(eta**2 - 1.0 + cosine**2)
+    """Return the reflectance of a dielectric for unpolarised light; 1 where all of it is reflected."""
+    g = np.sqrt(np.maximum(eta**2 - 1.0 + cosine**2, 0.0))
     a = (g - cosine) / (g + cosine)
     b = (cosine * (g + cosine) - 1.0) / (cosine * (g - cosine) + 1.0)
     return np.asarray(0.5 * a**2 * (1.0 + b**2))
 
 
 def _mean_fresnel(eta: float) -> float:
-    """Return ∫ F_η 2μ dμ by the numerical fit of [K], which is what Cycles uses."""
+    """Return ∫₀¹ F_η 2μ dμ of a dielectric by the numerical fit of [K], which is what Cycles uses."""
     if eta < 1.0:
         return 0.997118 + eta * (0.1014 - eta * (0.965241 + eta * 0.130607))
     return (eta - 1.0) / (4.08567 + 1.00071 * eta)
+
+
+def facet_means(eta: float, roughness: float) -> tuple[float, float]:
+    """Return s and E, averaged over all directions: ∫₀¹ … 2μ dμ; η ≥ 1."""
+    if eta == 1.0:
+        return 0.0, 1.0
+    shape, single = _facet_averages(eta, roughness)
+    return float(COSINE_WEIGHTS @ shape), float(COSINE_WEIGHTS @ single)
 
 
 @lru_cache(maxsize=256)

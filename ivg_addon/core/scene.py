@@ -184,6 +184,26 @@ class Materials:
 
 
 @dataclass(frozen=True)
+class SurfaceRecord:
+    """Where the materials of a scene came from.
+
+    Parameters
+    ----------
+    direct
+        How many were read as they are: constants, and images on UV maps.
+    evaluated, recalled
+        How many Cycles evaluated, and how many it had evaluated before.
+    seconds
+        What evaluating took.
+    """
+
+    direct: int = 0
+    evaluated: int = 0
+    recalled: int = 0
+    seconds: float = 0.0
+
+
+@dataclass(frozen=True)
 class Scene:
     """Everything that a bake reads.
 
@@ -199,6 +219,8 @@ class Scene:
         What the export simplified or left out.
     light_rules
         What lights do not light, or do not stop at; None where all light, and stop at, everything.
+    surfaces
+        Where its materials came from.
     """
 
     name: str
@@ -210,3 +232,4 @@ class Scene:
     diffuse_visible: NDArray[np.bool_]
     notices: tuple[Notice, ...] = field(default=())
     light_rules: LightRules | None = None
+    surfaces: SurfaceRecord = field(default=SurfaceRecord())

@@ -17,7 +17,6 @@ Maker = Callable[[Tree], bpy.types.NodeSocket]
 
 RED = (0.8, 0.1, 0.05)
 BLUE = (0.1, 0.2, 0.7)
-DIFFUSE_ONLY = "simplified: diffuse reflection and emission only, without "
 
 
 def shader(kind: str, **inputs: object) -> Maker:

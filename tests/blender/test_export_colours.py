@@ -21,7 +21,6 @@ from tests.blender.export_scenes import (
     viewport_scene,
 )
 from tests.blender.export_trees import (
-    BLUE,
     RED,
     Maker,
     Node,
@@ -36,25 +35,10 @@ from tests.blender.export_trees import (
 )
 
 
-def checker(tree: Tree) -> bpy.types.NodeSocket:
-    node = tree.nodes.new("ShaderNodeTexChecker")
-    node.inputs["Color1"].default_value, node.inputs["Color2"].default_value = (*RED, 1), (*BLUE, 1)
-    return node.outputs["Color"]
-
-
-def test_procedural_textures_become_the_best_constant() -> None:
-    mean = np.add(RED, BLUE) / 2
-    expect(
-        diffuse(checker),
-        mean,
-        notices=["simplified: Color: constant (0.45, 0.15, 0.37) taken instead of Checker Texture node"],
-    )
+def test_without_evaluation_a_network_is_replaced_by_the_sockets_own_value() -> None:
+    """The viewport's evaluation has nothing better; a bake asks Cycles."""
     noise = shader("TexNoise")
-    expect(
-        diffuse(noise),
-        0.8,
-        notices=["simplified: Color: constant (0.80, 0.80, 0.80) taken instead of Noise Texture node"],
-    )
+    expect(diffuse(noise), 0.8, notices=["simplified: Color: its own value (0.8, 0.8, 0.8) taken instead of its nodes"])
 
 
 def test_constants_may_come_from_nodes() -> None:
@@ -157,53 +141,27 @@ def test_object_without_the_uv_map_reads_the_corner_texel_as_in_cycles() -> None
     np.testing.assert_allclose(exported_albedo(scene)[::2], bake_diffuse_colour(shown)[::4], atol=2e-5)
 
 
-def test_texture_that_is_not_on_uvs_becomes_its_mean() -> None:
-    scene = export(diffuse(textured(uv_from("TexCoord", "Generated"))))
+def test_two_images_become_their_means_without_evaluation() -> None:
+    one, other = (shader("BsdfDiffuse", Color=textured(), Roughness=0.0) for _ in range(2))
+    scene = export(surface(pair("MixShader", one, other, 0.5)))
     assert scene.materials.texture[0] == NO_TEXTURE
-    assert said(scene) == ["simplified: Color: mean colour taken, image 'Picture' does not lie on a UV map"]
     stored = np.empty(64, dtype=np.float32)
     bpy.data.images["Picture"].pixels.foreach_get(stored)
     linear = np.where(stored <= 0.04045, stored / 12.92, ((stored + 0.055) / 1.055) ** 2.4)
     np.testing.assert_allclose(scene.materials.albedo[0], linear.reshape(-1, 4)[:, :3].mean(axis=0), rtol=1e-5)
+    assert said(scene) == [
+        "simplified: Color: mean colour of image 'Picture' taken",
+        "simplified: Color: mean colour of image 'Picture.001' taken",
+    ]
 
 
-def test_mapping_is_ignored_and_named() -> None:
-    def connect(tree: Tree, node: Node) -> None:
-        mapping = tree.nodes.new("ShaderNodeMapping")
-        tree.links.new(tree.nodes.new("ShaderNodeTexCoord").outputs["UV"], mapping.inputs["Vector"])
-        tree.links.new(mapping.outputs["Vector"], node.inputs["Vector"])
-
-    scene = export(diffuse(textured(connect)))
-    assert scene.materials.texture[0] == 0
-    assert said(scene) == ["simplified: Color: Mapping node ignored"]
-
-
-def tinted(blend: str, factor: float, first: Maker, second: tuple[float, ...]) -> Maker:
-    def make(tree: Tree) -> bpy.types.NodeSocket:
-        node = tree.nodes.new("ShaderNodeMix")
-        node.data_type, node.blend_type = "RGBA", blend
-        sockets = {socket.identifier: socket for socket in node.inputs}
-        sockets["Factor_Float"].default_value = factor
-        tree.links.new(first(tree), sockets["A_Color"])
-        sockets["B_Color"].default_value = (*second, 1)
-        return next(socket for socket in node.outputs if socket.identifier == "Result_Color")
-
-    return make
-
-
-def test_texture_times_a_colour_is_exact() -> None:
+def test_a_constant_share_of_an_image_stays_an_image() -> None:
     empty_scene()
     mesh = quads_with_uvs(np.random.default_rng(8).random((30, 2)))
-    colour = tinted("MULTIPLY", 0.7, textured(), RED)
-    mesh.materials.append(new_material("Tested", diffuse(colour)))
+    image = shader("BsdfDiffuse", Color=textured(), Roughness=0.0)
+    black = shader("BsdfDiffuse", Color=(0.0, 0.0, 0.0), Roughness=0.0)
+    mesh.materials.append(new_material("Tested", surface(pair("MixShader", black, image, 0.7))))
     shown = add_object("Quads", mesh)
     scene = viewport_scene()
     np.testing.assert_allclose(exported_albedo(scene)[::2], bake_diffuse_colour(shown)[::4], atol=2e-5)
     assert said(scene) == []
-
-
-def test_two_textures_become_their_mean() -> None:
-    one = shader("BsdfDiffuse", Color=textured(), Roughness=0.0)
-    scene = export(surface(pair("MixShader", one, one, 0.5)))
-    assert scene.materials.texture[0] == NO_TEXTURE
-    assert said(scene) == ["simplified: several diffuse closures: mean colours of their images taken"]

@@ -166,7 +166,9 @@ def test_node_without_image_is_magenta_as_in_cycles() -> None:
     np.testing.assert_allclose(bake_diffuse_colour(shown)[::4], [MAGENTA] * len(UVS), atol=1e-6)
     scene = viewport_scene()
     np.testing.assert_allclose(exported_albedo(scene), [MAGENTA] * len(scene.geometry.triangles))
-    assert messages(scene, "material 'Painted'") == ["warning: Color: its Image Texture node has no image: magenta"]
+    assert messages(scene, "material 'Painted'") == [
+        "warning: Color: an Image Texture node has no image: magenta, as in Cycles"
+    ]
 
 
 def test_one_texture_for_all_that_read_it_alike() -> None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import bpy
 import numpy as np
-import pytest
 
 from ivg_addon.core.principled import Layers, diffuse_share, oren_nayar_albedo
+from ivg_addon.core.scene import DIELECTRIC, GLASS, GLOSSY, NONE, SCHLICK, TRANSPARENT
 from tests.blender.export_scenes import (
     add_object,
     bake_diffuse_colour,
@@ -19,7 +19,6 @@ from tests.blender.export_scenes import (
 )
 from tests.blender.export_trees import (
     BLUE,
-    DIFFUSE_ONLY,
     RED,
     Maker,
     Node,
@@ -34,6 +33,9 @@ from tests.blender.export_trees import (
     values,
 )
 
+BRIGHT = "reflects more light than it receives: scaled down, or light would grow at each bounce"
+NOT_NUMBERS = "has values that are not numbers: taken as 0"
+
 
 def test_no_material_is_cycles_default() -> None:
     """Cycles' default is a Principled BSDF, whose Color pass is as one of a material that was just made."""
@@ -45,7 +47,6 @@ def test_no_material_is_cycles_default() -> None:
     np.testing.assert_allclose(scene.materials.albedo[0], 0.8 * 0.93881, atol=1e-4)
     np.testing.assert_allclose(scene.materials.albedo[0], scene.materials.albedo[1], rtol=1e-6)
     np.testing.assert_allclose(bake_diffuse_colour(bare), bake_diffuse_colour(fresh), rtol=1e-6)
-    assert "simplified: material '(none)': diffuse reflection only, without specular" in map(str, scene.notices)
 
 
 def test_empty_slot_is_the_default_too() -> None:
@@ -98,13 +99,22 @@ def test_principled_reflects_what_its_layers_leave() -> None:
     np.testing.assert_allclose(albedo, 0.9 * diffuse_share(layers) * RED, rtol=1e-6)
     np.testing.assert_allclose(emission / emission[2], np.divide(BLUE, BLUE[2]), rtol=1e-6)
     assert 0.9 * 2 * 0.9 * BLUE[2] < emission[2] < 0.9 * 2 * BLUE[2], "the coat takes some of it"
-    assert said(scene) == [DIFFUSE_ONLY + "metallic, specular, coat, refraction, transparency (taken as opaque)"]
+    assert said(scene) == []
+    kinds = set(zip(scene.materials.lobes.kind.tolist(), scene.materials.lobes.fresnel.tolist(), strict=True))
+    assert kinds == {(TRANSPARENT, NONE), (GLOSSY, DIELECTRIC), (GLOSSY, SCHLICK), (GLASS, DIELECTRIC)}
 
 
-def test_default_principled_names_its_specular_once() -> None:
+def test_default_principled_has_a_diffuse_and_a_glossy_lobe() -> None:
     scene = export(surface(shader("BsdfPrincipled", Base_Color=(0.5, 0.5, 0.5))))
     np.testing.assert_allclose(values(scene)[0], 0.46938, atol=5e-5)
-    assert said(scene) == [DIFFUSE_ONLY + "specular"]
+    assert said(scene) == []
+    lobes = scene.materials.lobes
+    assert lobes.kind.tolist() == [GLOSSY]
+    assert lobes.fresnel.tolist() == [DIELECTRIC]
+    np.testing.assert_allclose(lobes.color, [[0.04] * 3], rtol=1e-6)
+    np.testing.assert_allclose(lobes.second, 1.0)
+    np.testing.assert_allclose(lobes.roughness, 0.5)
+    np.testing.assert_allclose(lobes.ior, 1.5)
 
 
 def test_without_reflective_caustics_the_diffuse_lobe_is_whole() -> None:
@@ -128,8 +138,8 @@ def test_unread_branch_of_a_mix_is_not_complained_about() -> None:
     expect(build, RED)
 
 
-def test_glossy_reflects_nothing_and_is_named() -> None:
-    expect(surface(shader("BsdfGlossy")), 0, notices=[DIFFUSE_ONLY + "Glossy BSDF"])
+def test_hair_reflects_nothing_and_is_named() -> None:
+    expect(surface(shader("BsdfHair")), 0, notices=["simplified: without Hair BSDF"])
 
 
 def test_mix_by_camera_ray_takes_what_light_sees() -> None:
@@ -140,25 +150,16 @@ def test_mix_by_camera_ray_takes_what_light_sees() -> None:
     expect(surface(pair("MixShader", seen_by_light, shader("Emission"), is_camera)), RED)
 
 
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (shader("BsdfTransparent"), ""),
-        (shader("BsdfGlass"), ", without refraction"),
-        (shader("BsdfPrincipled", Transmission_Weight=1.0), ", without specular, refraction"),
-        (shader("BsdfPrincipled", Alpha=0.1), ", without specular"),
-    ],
-)
-def test_light_passes_through_transparent_faces(make: Maker, message: str) -> None:
+def test_light_passes_through_faces_that_do_nothing() -> None:
     empty_scene()
     mesh = cube_mesh()
     mesh.materials.append(None)
-    mesh.materials.append(new_material("Tested", surface(make)))
+    mesh.materials.append(new_material("Tested", surface(shader("BsdfTransparent"))))
     mesh.polygons[0].material_index = 1
     add_object("Cube", mesh)
     scene = viewport_scene()
     assert scene.geometry.triangle_count == 10
-    assert said(scene) == [f"left out: light passes straight through its faces{message}"]
+    assert said(scene) == []
 
 
 def test_volume_domain_does_not_block_light() -> None:
@@ -172,16 +173,16 @@ def test_volume_domain_does_not_block_light() -> None:
     add_object("Domain", domain)
     scene = viewport_scene()
     assert scene.objects == ("Wall",)
-    assert said(scene) == ["left out: light passes straight through its faces, without volume"]
+    assert said(scene) == ["simplified: without volume"]
 
 
-def test_bump_and_displacement_are_named() -> None:
+def test_bump_does_not_change_what_a_diffuse_surface_reflects() -> None:
     def build(tree: Tree, output: Node) -> None:
         bump = shader("Bump")
         surface(shader("BsdfDiffuse", Color=RED, Roughness=0.0, Normal=bump))(tree, output)
         tree.links.new(tree.nodes.new("ShaderNodeDisplacement").outputs[0], output.inputs["Displacement"])
 
-    expect(build, RED, notices=[DIFFUSE_ONLY + "bump or normal map, displacement"])
+    expect(build, RED)
 
 
 def test_no_output_node() -> None:
@@ -191,26 +192,32 @@ def test_no_output_node() -> None:
     expect(build, 0, notices=["warning: has no material output: black"])
 
 
-def test_impossible_reflectance_is_clamped_and_named() -> None:
+def test_impossible_reflectance_is_scaled_and_named() -> None:
     scene = export(diffuse((1.5, 0.5, 0.25)))
     np.testing.assert_allclose(values(scene)[0], (1, 0.5, 0.25))
-    assert said(scene) == [
-        "warning: reflectance (1.5, 0.5, 0.25) is outside 0 to 1: clamped, or light would grow at each bounce"
-    ]
+    assert said(scene) == [f"warning: {BRIGHT}"]
+
+
+def test_lobes_that_reflect_too_much_together_are_scaled_together() -> None:
+    one = shader("BsdfDiffuse", Color=(0.9, 0.9, 0.3), Roughness=0.0)
+    other = shader("BsdfTranslucent", Color=(0.9, 0.3, 0.3))
+    scene = export(surface(pair("AddShader", one, other)))
+    np.testing.assert_allclose(values(scene)[0], (0.5, 0.75, 0.3), rtol=1e-6)
+    np.testing.assert_allclose(scene.materials.lobes.color[0], (0.5, 0.25, 0.3), rtol=1e-6)
+    assert said(scene) == [f"warning: {BRIGHT}"]
+
+
+def test_an_albedo_of_one_is_no_reason_for_a_word() -> None:
+    expect(diffuse((1.0, 1.0, 1.0)), 1)
+    assert said(export(surface(shader("BsdfPrincipled", Base_Color=(1.0, 1.0, 1.0))))) == []
+    assert said(export(surface(shader("BsdfGlass", Color=(1.0, 1.0, 1.0))))) == []
 
 
 def test_values_that_are_not_numbers_are_none() -> None:
-    expect(
-        diffuse((float("nan"), 0.5, 0.5)),
-        0,
-        notices=["warning: colour is not a number: taken as black"],
-    )
-    expect(
-        surface(shader("Emission", Strength=float("nan"))),
-        0,
-        notices=["warning: emission is not a number: taken as none"],
-    )
-    expect(surface(shader("Emission", Strength=-1.0)), 0, notices=["warning: emission is negative: taken as none"])
+    nan = float("nan")
+    expect(diffuse((nan, 0.5, 0.5)), (0, 0.5, 0.5), notices=[f"warning: {NOT_NUMBERS}"])
+    expect(surface(shader("Emission", Strength=nan)), 0, notices=[f"warning: {NOT_NUMBERS}"])
+    expect(surface(shader("Emission", Strength=-1.0)), 0, notices=["warning: has negative values: taken as 0"])
 
 
 def test_material_override_of_the_view_layer() -> None:

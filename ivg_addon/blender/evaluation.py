@@ -1,0 +1,241 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Materials that are more than constants and images, evaluated by Cycles.
+
+What a material's sockets hold is made to shine, on a mesh on which every triangle has texels of its own, and Cycles
+bakes that. The mesh stands alone on a stage, which lives within one step of the work. What was evaluated is kept by
+its content, so that an unchanged material is not evaluated twice.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+
+from ..core.errors import SceneError
+from ..core.evaluation_plan import Plan, atlas_uvs, make_plan, renamed, scene_size
+from ..core.instancing import Instances
+from ..core.progress import Progress
+from ..core.report import Notice
+from .cycles_stage import removed
+from .evaluation_cache import Float32, content_key, keep, recall, tree_content
+from .evaluation_mesh import StageArrays, Surroundings, make_mesh, stage_arrays
+from .evaluation_tree import StageMaterial
+from .export_materials import Evaluated, Unevaluated
+
+_BATCH_TEXELS = 1 << 20
+"""Texels that one step bakes, about."""
+_SAMPLES_IN_ALL = 1 << 21
+"""Samples that one step takes, about; each texel's are spread over its area."""
+_FEWEST_SAMPLES, _MOST_SAMPLES = 4, 16
+_VERSION = "1"
+"""Changes when the same content is evaluated otherwise."""
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """What was evaluated.
+
+    Parameters
+    ----------
+    materials
+        By index.
+    instances
+        Those that were handed in, reading the atlases' coordinates.
+    evaluated, recalled
+        How many materials Cycles was asked for, and how many it had been asked for before.
+    seconds
+        What it took.
+    """
+
+    materials: dict[int, Evaluated]
+    instances: list[Instances]
+    evaluated: int
+    recalled: int
+    seconds: float
+    notices: tuple[Notice, ...]
+
+
+@dataclass(frozen=True)
+class _Work:
+    """One material that is to be evaluated."""
+
+    pending: Unevaluated
+    plan: Plan
+    arrays: StageArrays
+    key: str
+
+
+def evaluation_steps(
+    scene: bpy.types.Scene, pending: Sequence[Unevaluated], around: Surroundings
+) -> Generator[Progress, None, Evaluation]:
+    """Evaluate materials, some of them a step; the file is as it was whenever this yields, ends or fails.
+
+    Parameters
+    ----------
+    scene
+        Whose frame counts; not evaluated.
+    around
+        `meshes` are given the coordinates of the atlases.
+
+    Raises
+    ------
+    SceneError
+        A render is running, or Cycles cannot bake.
+    """
+    start = time.perf_counter()
+    size = scene_size(around.meshes, around.instances)
+    found: dict[int, list[Float32]] = {}
+    plans: dict[int, Plan] = {}
+    missing: list[_Work] = []
+    notices: list[Notice] = []
+    frame = (scene.frame_current, scene.frame_subframe)
+    for entry in pending:
+        yield Progress("Preparing materials", 0.2 * len(plans) / len(pending))
+        plan = make_plan(entry.row, entry.tree.needs.placed, around.meshes, around.instances, size, len(pending))
+        if plan is None:
+            continue
+        plans[entry.row] = plan
+        subject = f"material '{entry.name}'"
+        if plan.unplaced:
+            notices.append(Notice("simplified", subject, "looks the same on all instances: there are too many"))
+        material = _find(entry.identity)
+        if material is None:
+            notices.append(Notice("warning", subject, "was removed while it was read: black"))
+            continue
+        arrays = stage_arrays(plan, entry.tree.needs, around)
+        key = content_key(_content(material, entry, arrays, frame))
+        kept = recall(key)
+        if kept is not None:
+            found[entry.row] = kept
+        else:
+            missing.append(_Work(entry, plan, arrays, key))
+    recalled = len(found)
+    batches = list(_batches(missing))
+    for number, batch in enumerate(batches):
+        yield Progress(
+            f"Evaluating materials with Cycles ({number + 1} of {len(batches)})", 0.2 + 0.8 * number / len(batches)
+        )
+        for work, values in zip(batch, _bake(scene, batch), strict=True):
+            found[work.pending.row] = values
+            keep(work.key, values)
+    names: dict[tuple[int, int | None, int], str] = {}
+    materials = {}
+    for row, values in found.items():
+        plan = plans[row]
+        for number, (patch, uvs) in enumerate(zip(plan.patches, atlas_uvs(plan, around.meshes), strict=True)):
+            name = f"atlas {row} {number}"
+            around.meshes[patch.mesh].triangle_uvs[name] = uvs
+            names |= {(index, patch.place, row): name for index in patch.instances}
+        texels, _ = plan.atlas.texels()
+        materials[row] = Evaluated(plan.atlas, texels, [array.astype(np.float64) for array in values])
+    return Evaluation(
+        materials,
+        renamed(around.instances, names),
+        len(missing),
+        recalled,
+        time.perf_counter() - start,
+        tuple(notices),
+    )
+
+
+def _find(identity: int) -> bpy.types.Material | None:
+    return next((material for material in bpy.data.materials if material.session_uid == identity), None)
+
+
+def _content(
+    material: bpy.types.Material, entry: Unevaluated, arrays: StageArrays, frame: tuple[int, float]
+) -> Iterator[bytes]:
+    """Return all on which a material's values depend."""
+    leaves = [(leaf.groups, leaf.node, leaf.socket, leaf.colour, leaf.side) for leaf in entry.tree.leaves]
+    yield f"{_VERSION} {bpy.app.version} {leaves} {material.pass_index}".encode()
+    tree = material.node_tree
+    if entry.tree.needs.animated or tree.animation_data is not None:
+        yield f"frame {frame}".encode()
+    yield from tree_content(tree)
+    yield from arrays.content()
+
+
+def _batches(missing: Sequence[_Work]) -> Iterator[list[_Work]]:
+    """Group materials so that each group is a step's work."""
+    batch: list[_Work] = []
+    texels = 0
+    for work in missing:
+        size = work.plan.atlas.width * work.plan.atlas.height
+        if batch and texels + size > _BATCH_TEXELS:
+            yield batch
+            batch, texels = [], 0
+        batch.append(work)
+        texels += size
+    if batch:
+        yield batch
+
+
+def _bake(scene: bpy.types.Scene, batch: Sequence[_Work]) -> list[list[Float32]]:
+    """Return the values of each material's leaves, (k, 3) or (k, 1)."""
+    if any(bpy.app.is_job_running(job) for job in ("RENDER", "OBJECT_BAKE")):
+        raise SceneError("a render is running: wait until it is done, or cancel it")
+    values: list[list[Float32]] = [
+        [np.empty((0, 1), dtype=np.float32)] * len(work.pending.tree.leaves) for work in batch
+    ]
+    with ExitStack() as stack:
+        stage = stack.enter_context(removed(bpy.data.scenes, lambda: bpy.data.scenes.new("Stage")))
+        _set_up(stage, scene, sum(work.plan.atlas.width * work.plan.atlas.height for work in batch))
+        mesh = stack.enter_context(removed(bpy.data.meshes, lambda: make_mesh([work.arrays for work in batch])))
+        shown = stack.enter_context(removed(bpy.data.objects, lambda: bpy.data.objects.new("Stage", mesh)))
+        stage.collection.objects.link(shown)
+        materials = []
+        for work in batch:
+            original = _find(work.pending.identity)
+            size = (work.plan.atlas.width, work.plan.atlas.height)
+            materials.append(StageMaterial(stack, original, work.pending.tree.leaves, size))
+            mesh.materials.append(materials[-1].material)
+        covered = [work.plan.atlas.texels()[0] for work in batch]
+        for number in range(max(len(material.passes) for material in materials)):
+            for material in materials:
+                material.show(number)
+            _bake_emission(stage, shown)
+            for material, texels, leaves, work in zip(materials, covered, values, batch, strict=True):
+                if number < len(material.passes):
+                    baked = _pixels(material.image)[texels]
+                    for channel, leaf in enumerate(material.passes[number]):
+                        colour = work.pending.tree.leaves[leaf].colour
+                        leaves[leaf] = baked if colour else np.ascontiguousarray(baked[:, channel : channel + 1])
+    return values
+
+
+def _set_up(stage: bpy.types.Scene, scene: bpy.types.Scene, texels: int) -> None:
+    """Make a new scene bake as we need it, at the moment of another one."""
+    # Assigned, not by frame_set: that would call other add-ons' handlers.
+    stage.frame_current, stage.frame_subframe = scene.frame_current, scene.frame_subframe
+    stage.render.engine = "CYCLES"
+    stage.cycles.samples = max(_FEWEST_SAMPLES, min(_MOST_SAMPLES, _SAMPLES_IN_ALL // texels))
+    stage.cycles.use_denoising = stage.cycles.use_adaptive_sampling = False
+    stage.cycles.sample_clamp_direct = 0.0
+    stage.cycles.use_light_tree = False
+    stage.render.threads_mode, stage.render.threads = scene.render.threads_mode, scene.render.threads
+
+
+def _bake_emission(stage: bpy.types.Scene, shown: bpy.types.Object) -> None:
+    layer = stage.view_layers[0]
+    with bpy.context.temp_override(
+        scene=stage, view_layer=layer, active_object=shown, object=shown, selected_objects=[shown]
+    ):
+        try:
+            bpy.ops.object.bake(
+                type="EMIT", target="IMAGE_TEXTURES", save_mode="INTERNAL", margin=0, use_clear=True,
+                use_selected_to_active=False,
+            )  # fmt: skip
+        except RuntimeError as error:
+            raise SceneError(f"Cycles cannot evaluate materials: {error}") from error
+
+
+def _pixels(image: bpy.types.Image) -> Float32:
+    """Return an image's texels, (n, 3)."""
+    pixels = np.empty((image.size[0] * image.size[1], 4), dtype=np.float32)
+    image.pixels.foreach_get(pixels.reshape(-1))
+    return np.ascontiguousarray(pixels[:, :3])

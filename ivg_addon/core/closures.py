@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Closures: a surface as a sum of weighted lobes whose values may be known only later.
+
+Inputs are constants, or leaves: values that are known at k points of the surface once they were evaluated. All that is
+done with them is done for those k points at a time, in linear RGB; a constant has k = 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .principled import mean_reflectance
+
+Float64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Leaf:
+    """A value that is known later, by its place among the leaves of a material."""
+
+    index: int
+
+
+Value = Leaf | tuple[float, ...]
+"""A leaf, or a constant: (x,) a number, (r, g, b) a colour."""
+
+
+@dataclass(frozen=True)
+class Factor:
+    """A factor of a closure's weight.
+
+    Parameters
+    ----------
+    value
+        A number, clamped to [0, 1]; with `fresnel` an index of refraction.
+    complement
+        The factor is 1 − value.
+    fresnel
+        The factor is the reflectance of a dielectric of that index of refraction.
+    """
+
+    value: Value
+    complement: bool = False
+    fresnel: bool = False
+
+
+@dataclass(frozen=True)
+class Closure:
+    """One closure of a shader tree.
+
+    Parameters
+    ----------
+    kind
+        "DIFFUSE", "EMISSION", "GLOSSY", "METALLIC", "GLASS", "REFRACTION", "TRANSLUCENT", "TRANSPARENT" or
+        "PRINCIPLED".
+    inputs
+        By the names that the code below asks for.
+    weight
+        Multiplied with each other.
+    multiscatter
+        See `scene.Lobes`.
+    """
+
+    kind: str
+    inputs: Mapping[str, Value]
+    weight: tuple[Factor, ...] = ()
+    multiscatter: bool = False
+
+
+@dataclass(frozen=True)
+class Caustics:
+    """Which lobes Cycles keeps for light that was diffusely reflected."""
+
+    reflective: bool = True
+    refractive: bool = True
+
+
+class Values:
+    """Values of inputs, as arrays."""
+
+    def __init__(self, leaves: Sequence[Float64]) -> None:
+        self._leaves = leaves
+
+    def __call__(self, value: Value) -> Float64:
+        """Return a value, (k, 1) or (k, 3)."""
+        if isinstance(value, Leaf):
+            return self._leaves[value.index]
+        return np.array([value], dtype=np.float64)
+
+    def share(self, value: Value) -> Float64:
+        """Return a number within [0, 1]; 0 where it is none."""
+        return np.nan_to_num(np.clip(self(value), 0.0, 1.0))
+
+    def mean(self, value: Value) -> float:
+        """Return the mean of a number."""
+        return float(np.mean(self(value)))
+
+    def weight(self, factors: Iterable[Factor]) -> Float64:
+        """Return a product of factors, (k, 1)."""
+        product = np.ones((1, 1))
+        for factor in factors:
+            if factor.fresnel:
+                share = np.array([[mean_reflectance(usable_index(self.mean(factor.value)))]])
+            else:
+                share = self.share(factor.value)
+            product = product * (1.0 - share if factor.complement else share)
+        return product
+
+
+def usable_index(ior: float) -> float:
+    """Return an index of refraction with which the mean reflectance can be computed."""
+    return max(ior, 1e-5)

@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A Principled BSDF as lobes: layers, each of which takes its share of what comes from below it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .closures import Caustics, Closure, Float64, Values, usable_index
+from .principled import (
+    Layers,
+    coat_share,
+    diffuse_share,
+    normal_reflectance,
+    oren_nayar_albedo,
+    reflectance_of_ior,
+)
+from .scene import DIELECTRIC, GLASS, GLOSSY, SCHLICK, TRANSPARENT
+from .shading import Lobe, Shading
+
+_COMBINATIONS = 256
+"""Most combinations of layers for which shares are computed; values are rounded until there are no more."""
+
+
+def shade_principled(closure: Closure, values: Values, weight: Float64, caustics: Caustics) -> Shading:
+    """Return what a Principled BSDF amounts to: layers, each of which takes its share of what comes from below it."""
+    inputs = closure.inputs
+    base = np.maximum(values(inputs["Base Color"]), 0.0)
+    tint = np.maximum(values(inputs["Specular Tint"]), 0.0)
+    coat_tint = np.maximum(values(inputs["Coat Tint"]), 0.0)
+    alpha, coat, metallic, transmission, roughness, coat_roughness = (
+        values.share(inputs[name])
+        for name in ("Alpha", "Coat Weight", "Metallic", "Transmission Weight", "Roughness", "Coat Roughness")
+    )
+    ior, level = (np.nan_to_num(values(inputs[name])) for name in ("IOR", "Specular IOR Level"))
+    coat_ior = np.nan_to_num(values(inputs["Coat IOR"]))
+    below, under_coat = _shares(
+        [ior, level, tint.max(axis=1, keepdims=True), roughness, coat, coat_roughness, coat_ior, coat_tint],
+        closure.multiscatter,
+        caustics.reflective,
+    )
+    opaque = weight * alpha
+    inside = opaque * under_coat
+    ones = np.ones((1, 3))
+    diffuse = opaque * (1.0 - metallic) * (1.0 - transmission) * below
+    emission = inside * values(inputs["Emission Color"]) * values(inputs["Emission Strength"])
+    lobes = [Lobe(TRANSPARENT, weight * (1.0 - alpha) * ones, weight * (1.0 - alpha) * ones, np.zeros((1, 1)))]
+    if caustics.reflective:
+        dense = max(float(coat_ior.mean()), 1.0)
+        over = opaque * coat * ones
+        lobes.append(Lobe(GLOSSY, over * reflectance_of_ior(dense), over, coat_roughness, dense, DIELECTRIC))
+        metal = inside * metallic
+        lobes.append(
+            Lobe(GLOSSY, metal * np.minimum(base, 1.0), metal, roughness, 1.5, SCHLICK, closure.multiscatter, metal)
+        )
+        plain = inside * (1.0 - metallic) * (1.0 - transmission)
+        f0, _ = normal_reflectance(ior, level)
+        eta = float(normal_reflectance(ior.mean(), level.mean())[1])
+        if eta != 1.0:
+            reflected = plain * np.minimum(f0 * tint, 1.0)
+            lobes.append(Lobe(GLOSSY, reflected, plain, roughness, eta, DIELECTRIC, closure.multiscatter, plain))
+    glass = inside * (1.0 - metallic) * transmission
+    inner = usable_index(float(ior.mean()))
+    if values.mean(inputs.get("Thin Wall", (0.0,))) > 0.5:
+        lobes += _thin_glass(glass * tint, glass * np.minimum(base, 1.0), roughness, inner, caustics)
+    else:
+        through = glass * np.sqrt(np.minimum(base, 1.0)) * caustics.refractive
+        over = glass * tint * caustics.reflective
+        lobes.append(Lobe(GLASS, over, through, roughness, inner, DIELECTRIC, closure.multiscatter, glass))
+    return Shading(rough_reflectance(base, values.share(inputs["Diffuse Roughness"])) * diffuse, emission, tuple(lobes))
+
+
+def _thin_glass(
+    color: Float64, second: Float64, roughness: Float64, ior: float, caustics: Caustics
+) -> tuple[Lobe, ...]:
+    """Return a pane's lobes: its sides reflect 2F/(1 + F) together, at normal incidence; the rest goes straight on."""
+    f0 = float(reflectance_of_ior(ior))
+    normal = np.full((1, 3), 2.0 * f0 / (1.0 + f0))
+    white = Lobe(GLOSSY, normal, np.ones((1, 3)), roughness, max(ior, 1.0 / ior), DIELECTRIC)
+    lobes = []
+    if caustics.reflective:
+        lobes.append(white.scaled(color))
+    if caustics.refractive:
+        straight = (1.0 - white.albedo()) * second
+        lobes.append(Lobe(TRANSPARENT, straight, straight, np.zeros((1, 1))))
+    return tuple(lobes)
+
+
+def _shares(parameters: Sequence[Float64], multiscatter: bool, specular: bool) -> tuple[Float64, Float64]:
+    """Return the shares (k, 3) that the layers leave to the diffuse lobe, and that the coat leaves.
+
+    `parameters` are IOR, specular level, the largest channel of the specular tint, roughness, the coat's weight,
+    roughness, IOR, and tint. They are rounded to steps at which there are few combinations.
+    """
+    k = max(len(array) for array in parameters)
+    table = np.concatenate([np.broadcast_to(array, (k, array.shape[1])) for array in parameters], axis=1)
+    unique, where = _combinations(np.nan_to_num(table))
+    below, through = np.empty((len(unique), 3)), np.empty((len(unique), 3))
+    for row, values in enumerate(unique):
+        ior, level, tint, roughness, coat, coat_roughness, coat_ior = (float(value) for value in values[:7])
+        red, green, blue = (float(value) for value in values[7:])
+        layers = Layers(
+            ior=ior,
+            specular_ior_level=level,
+            specular_tint=(tint, tint, tint),
+            roughness=roughness,
+            coat=coat,
+            coat_roughness=coat_roughness,
+            coat_ior=coat_ior,
+            coat_tint=(red, green, blue),
+            multiscatter=multiscatter,
+            specular=specular,
+        )
+        below[row], through[row] = diffuse_share(layers), coat_share(layers)
+    return below[where], through[where]
+
+
+def _combinations(table: Float64) -> tuple[Float64, NDArray[np.intp]]:
+    """Return the different rows of a table, rounded until they are few, and which of them each row is."""
+    varied = np.flatnonzero((table != table[0]).any(axis=0))
+    steps = 256.0
+    while True:
+        rounded = table[:, varied] if len(table) <= _COMBINATIONS else np.round(table[:, varied] * steps) / steps
+        keys = np.zeros(len(table), dtype=np.int64)
+        for column in rounded.T:
+            _, rank = np.unique(column, return_inverse=True)
+            _, keys = np.unique(keys * (rank.max() + 1) + rank.reshape(-1), return_inverse=True)
+            keys = keys.reshape(-1)
+        _, first = np.unique(keys, return_index=True)
+        if len(first) <= _COMBINATIONS:
+            unique = np.repeat(table[:1], len(first), axis=0)
+            unique[:, varied] = rounded[first]
+            return unique, keys
+        steps /= 2.0
+
+
+def rough_reflectance(colour: Float64, roughness: Float64) -> Float64:
+    """Return the total reflectance of a diffuse lobe, (k, 3)."""
+    if (roughness < 1e-5).all():
+        return colour
+    inside = np.clip(colour, 1e-6, 1.0)
+    return np.where(roughness < 1e-5, colour, colour * oren_nayar_albedo(inside, roughness) / inside)

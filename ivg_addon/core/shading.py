@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a surface does with light at k of its points, as lobes, and how much of the light that is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .principled import facet_means, mean_reflectance
+from .scene import DIELECTRIC, GLASS, GLOSSY, NONE, SCHLICK
+
+Float64 = NDArray[np.float64]
+
+_MEAN_SCHLICK = 1.0 / 21.0
+"""∫₀¹ (1 − μ)⁵ 2μ dμ."""
+_BRIGHT = 1.005
+"""Reflectance from which on it is said to be too large; below, it is a matter of rounding."""
+_ROUGHNESS = np.linspace(0.0, 1.0, 9)
+"""Between these, averages over facets are interpolated."""
+
+
+@dataclass(frozen=True)
+class Lobe:
+    """A row of `scene.Lobes` at k points: color and second (k, 3), roughness (k, 1), weight (k, 1) or (k, 3)."""
+
+    kind: int
+    color: Float64
+    second: Float64
+    roughness: Float64
+    ior: float = 1.5
+    fresnel: int = NONE
+    multiscatter: bool = False
+    weight: Float64 = field(default_factory=lambda: np.ones((1, 1)))
+
+    def albedo(self) -> Float64:
+        """Return the share of light from all sides, (k, 3), that it does not absorb."""
+        match self.kind, self.fresnel:
+            case k, _ if k == GLASS:
+                reflected = mean_reflectance(self.ior)
+                return reflected * self.color + (1.0 - reflected) * self.second
+            case k, f if k == GLOSSY and f == SCHLICK:
+                return self.color + (self.second - self.color) * _MEAN_SCHLICK
+            case k, f if k == GLOSSY and f == DIELECTRIC:
+                shape, single = _facet_means(self.ior, self.roughness)
+                fresnel = self.color + (self.second - self.color) * shape
+                return fresnel * (single + np.minimum(fresnel, 1.0) * (1.0 - single))
+        return self.color
+
+    def scaled(self, factor: Float64) -> Lobe:
+        """Return it with what it reflects and lets through multiplied by (k, 3)."""
+        return replace(self, color=self.color * factor, second=self.second * factor, weight=self.weight * factor)
+
+
+@dataclass(frozen=True)
+class Shading:
+    """What a surface does with light at k points.
+
+    Parameters
+    ----------
+    albedo, emission : (k, 3) float64
+    lobes
+        Those with any weight.
+    """
+
+    albedo: Float64
+    emission: Float64
+    lobes: tuple[Lobe, ...] = ()
+
+    def total(self) -> Float64:
+        """Return the share of light from all sides that is not absorbed, (k, 3)."""
+        return np.asarray(sum((lobe.albedo() for lobe in self.lobes), self.albedo))
+
+    def sound(self) -> tuple[Shading, frozenset[str]]:
+        """Return it within what is possible, and what was not: "NaN", "negative", "bright".
+
+        What is no number, infinite or negative becomes 0; where more than all light is reflected, all lobes are scaled
+        to 1 in sum, or light would grow at each bounce.
+        """
+        wrong: set[str] = set()
+
+        def clean(values: Float64) -> Float64:
+            finite = np.isfinite(values)
+            if not finite.all():
+                wrong.add("NaN")
+            if (values < 0.0).any():
+                wrong.add("negative")
+            return np.where(finite & (values > 0.0), values, 0.0)
+
+        lobes = tuple(
+            replace(
+                lobe,
+                color=clean(lobe.color),
+                second=clean(lobe.second),
+                roughness=np.nan_to_num(np.clip(lobe.roughness, 0.0, 1.0)),
+            )
+            for lobe in self.lobes
+        )
+        cleaned = Shading(clean(self.albedo), clean(self.emission), lobes)
+        total = cleaned.total()
+        if (total > _BRIGHT).any():
+            wrong.add("bright")
+        if (total > 1.0).any():
+            limit = 1.0 / np.maximum(total, 1.0)
+            cleaned = Shading(
+                cleaned.albedo * limit, cleaned.emission, tuple(lobe.scaled(limit) for lobe in cleaned.lobes)
+            )
+        return cleaned, frozenset(wrong)
+
+
+def _facet_means(ior: float, roughness: Float64) -> tuple[Float64, Float64]:
+    """Return `principled.facet_means` at roughnesses."""
+    eta = max(ior, 1.0 / ior)
+    shape, single = zip(*(facet_means(eta, float(step)) for step in _ROUGHNESS), strict=True)
+    return np.interp(roughness, _ROUGHNESS, shape), np.interp(roughness, _ROUGHNESS, single)
+
+
+def merged(lobes: Iterable[Lobe]) -> Iterator[Lobe]:
+    """Add up lobes that differ in color only, and leave out those without weight."""
+    groups: dict[tuple[object, ...], Lobe] = {}
+    for lobe in lobes:
+        if np.max(np.maximum(lobe.color, lobe.second), initial=0.0) <= 0.0:
+            continue
+        key = (lobe.kind, lobe.ior, lobe.fresnel, lobe.multiscatter, lobe.roughness.tobytes())
+        if key in groups:
+            other = groups[key]
+            lobe = replace(
+                other,
+                color=other.color + lobe.color,
+                second=other.second + lobe.second,
+                weight=other.weight + lobe.weight,
+            )
+        groups[key] = lobe
+    yield from groups.values()

@@ -1,0 +1,182 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Closures: sums of weighted lobes, and what they may not do."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ivg_addon.core.closures import Caustics, Closure, Factor, Leaf, Value
+from ivg_addon.core.principled import Layers, coat_share, diffuse_share, oren_nayar_albedo
+from ivg_addon.core.scene import DIELECTRIC, GLASS, GLOSSY, REFRACTION, SCHLICK, TRANSLUCENT, TRANSPARENT
+from ivg_addon.core.shade import shade
+
+RED = (0.8, 0.1, 0.05)
+PLAIN = Caustics()
+
+
+def principled(**values: Value) -> Closure:
+    """Return a Principled BSDF as it is when it is added, but for some inputs named with underscores."""
+    inputs: dict[str, Value] = {
+        "Base Color": RED,
+        "Metallic": (0.0,),
+        "Roughness": (0.5,),
+        "IOR": (1.5,),
+        "Alpha": (1.0,),
+        "Diffuse Roughness": (0.0,),
+        "Specular IOR Level": (0.5,),
+        "Specular Tint": (1.0, 1.0, 1.0),
+        "Transmission Weight": (0.0,),
+        "Coat Weight": (0.0,),
+        "Coat Roughness": (0.03,),
+        "Coat IOR": (1.5,),
+        "Coat Tint": (1.0, 1.0, 1.0),
+        "Emission Color": (1.0, 1.0, 1.0),
+        "Emission Strength": (0.0,),
+    }
+    inputs |= {name.replace("_", " "): value for name, value in values.items()}
+    return Closure("PRINCIPLED", inputs, multiscatter=True)
+
+
+def diffuse(colour: Value, *weight: Factor, roughness: Value = (0.0,)) -> Closure:
+    return Closure("DIFFUSE", {"Color": colour, "Roughness": roughness}, weight)
+
+
+def test_weights_multiply_and_closures_add() -> None:
+    half, third = Factor((0.5,)), Factor((1 / 3,), complement=True)
+    shading = shade([diffuse(RED, half, third), diffuse((0.3, 0.3, 0.3))], [], PLAIN)
+    np.testing.assert_allclose(shading.albedo, [np.array(RED) / 3 + 0.3])
+    assert shading.lobes == ()
+
+
+def test_leaves_are_taken_point_by_point() -> None:
+    rng = np.random.default_rng(0)
+    colour, mask, roughness = rng.random((100, 3)), rng.random((100, 1)), rng.random((100, 1))
+    shading = shade([diffuse(Leaf(0), Factor(Leaf(1)), roughness=Leaf(2))], [colour, mask, roughness], PLAIN)
+    each = [oren_nayar_albedo(colour[i], float(roughness[i, 0])) * mask[i] for i in range(100)]
+    np.testing.assert_allclose(shading.albedo, each, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {},
+        {"roughness": 0.1, "ior": 1.8},
+        {"specular_ior_level": 0.9, "metallic": 0.4, "transmission": 0.3},
+        {"coat": 0.7, "coat_roughness": 0.2, "coat_tint": (0.9, 0.5, 0.4)},
+    ],
+)
+def test_principled_shares_its_light_as_cycles_does(values: dict[str, object]) -> None:
+    """Against `principled`, which is held against Cycles."""
+    layers = Layers(**values)  # type: ignore[arg-type]
+    closure = principled(
+        Metallic=(layers.metallic,),
+        Transmission_Weight=(layers.transmission,),
+        Roughness=(layers.roughness,),
+        IOR=(layers.ior,),
+        Specular_IOR_Level=(layers.specular_ior_level,),
+        Coat_Weight=(layers.coat,),
+        Coat_Roughness=(layers.coat_roughness,),
+        Coat_Tint=layers.coat_tint,
+        Emission_Strength=(2.0,),
+    )
+    shading = shade([closure], [], PLAIN)
+    np.testing.assert_allclose(shading.albedo[0], diffuse_share(layers) * RED, rtol=1e-9)
+    np.testing.assert_allclose(shading.emission[0], 2 * coat_share(layers), rtol=1e-9)
+
+
+def test_a_white_principled_reflects_all_light() -> None:
+    """Whatever its layers: what they reflect is what they keep from the diffuse lobe, to 1 %."""
+    for roughness in (0.0, 0.2, 0.5, 1.0):
+        for metallic in (0.0, 0.5, 1.0):
+            closure = principled(Base_Color=(1.0, 1.0, 1.0), Roughness=(roughness,), Metallic=(metallic,))
+            np.testing.assert_allclose(shade([closure], [], PLAIN).total(), 1.0, atol=0.01)
+
+
+def test_principled_with_values_that_vary_is_rounded_only_a_little() -> None:
+    rng = np.random.default_rng(1)
+    roughness, metallic = rng.random((4000, 1)), rng.random((4000, 1))
+    shading = shade([principled(Roughness=Leaf(0), Metallic=Leaf(1))], [roughness, metallic], PLAIN)
+    for i in range(0, 4000, 400):
+        layers = Layers(roughness=float(roughness[i, 0]), metallic=float(metallic[i, 0]))
+        np.testing.assert_allclose(shading.albedo[i], diffuse_share(layers) * RED, atol=2e-3)
+
+
+def test_lobes_of_a_principled() -> None:
+    closure = principled(Metallic=(0.25,), Transmission_Weight=(0.5,), Alpha=(0.8,), Coat_Weight=(0.5,))
+    lobes = shade([closure], [], PLAIN).lobes
+    assert [(lobe.kind, lobe.fresnel) for lobe in lobes] == [
+        (TRANSPARENT, 0),
+        (GLOSSY, DIELECTRIC),
+        (GLOSSY, SCHLICK),
+        (GLOSSY, DIELECTRIC),
+        (GLASS, DIELECTRIC),
+    ]
+    under = 0.8 * coat_share(Layers(coat=0.5))
+    np.testing.assert_allclose(lobes[0].color, 0.2)
+    np.testing.assert_allclose(lobes[1].color, 0.8 * 0.5 * 0.04)
+    np.testing.assert_allclose(lobes[2].color, [under * 0.25 * RED])
+    np.testing.assert_allclose(lobes[2].second, [under * 0.25])
+    np.testing.assert_allclose(lobes[3].color, [under * 0.75 * 0.5 * 0.04])
+    np.testing.assert_allclose(lobes[4].color, [under * 0.75 * 0.5])
+    np.testing.assert_allclose(lobes[4].second, [under * 0.75 * 0.5 * np.sqrt(RED)])
+
+
+def test_without_caustics_there_are_no_glossy_lobes() -> None:
+    closures = [
+        principled(Metallic=(0.25,), Transmission_Weight=(0.5,)),
+        Closure("GLOSSY", {"Color": RED, "Roughness": (0.0,)}),
+        Closure("REFRACTION", {"Color": RED, "Roughness": (0.0,), "IOR": (1.5,)}),
+        Closure("TRANSLUCENT", {"Color": RED}),
+    ]
+    lobes = shade(closures, [], Caustics(reflective=False, refractive=False)).lobes
+    assert [lobe.kind for lobe in lobes] == [TRANSLUCENT]
+    lobes = shade(closures, [], Caustics(reflective=False)).lobes
+    assert [lobe.kind for lobe in lobes] == [GLASS, REFRACTION, TRANSLUCENT]
+    np.testing.assert_array_equal(lobes[0].color, 0.0)
+
+
+def test_a_metal_may_be_given_by_its_index() -> None:
+    """|(n + ik − 1)/(n + ik + 1)|²."""
+    inputs = {"IOR": (0.16, 1.0, 1.5), "Extinction": (3.15, 0.0, 0.0), "Roughness": (0.1,)}
+    (lobe,) = shade([Closure("METALLIC", inputs)], [], PLAIN).lobes
+    np.testing.assert_allclose(lobe.color, [[abs((0.16 + 3.15j - 1) / (0.16 + 3.15j + 1)) ** 2, 0.0, 0.04]])
+
+
+def test_equal_lobes_are_one() -> None:
+    glossy = Closure("GLOSSY", {"Color": RED, "Roughness": (0.2,)}, (Factor((0.25,)),))
+    rougher = Closure("GLOSSY", {"Color": RED, "Roughness": (0.3,)}, (Factor((0.25,)),))
+    lobes = shade([glossy, glossy, rougher], [], PLAIN).lobes
+    assert len(lobes) == 2
+    np.testing.assert_allclose(lobes[0].color, [np.multiply(0.5, RED)])
+
+
+def test_a_pane_reflects_twice_and_bends_nothing() -> None:
+    pane = principled(Transmission_Weight=(1.0,), Thin_Wall=(1.0,), Base_Color=(1.0, 1.0, 1.0), Roughness=(0.0,))
+    shading = shade([pane], [], PLAIN)
+    assert sorted(lobe.kind for lobe in shading.lobes) == [GLOSSY, TRANSPARENT]
+    np.testing.assert_allclose(shading.lobes[0].color, 0.08 / 1.04, rtol=1e-6)
+    np.testing.assert_allclose(shading.total(), 1.0, atol=0.02)
+
+
+@pytest.mark.parametrize(
+    ("colour", "kept", "wrong"),
+    [
+        ((np.nan, 0.5, 0.5), (0, 0.5, 0.5), {"NaN"}),
+        ((np.inf, 0.5, 0.5), (0, 0.5, 0.5), {"NaN"}),
+        ((-1.0, 0.5, 0.5), (0, 0.5, 0.5), {"negative"}),
+        ((2.0, 1.0, 0.5), (1, 1, 0.5), {"bright"}),
+        ((1.0, 1.0, 1.0), (1, 1, 1), set()),
+    ],
+)
+def test_soundness(colour: tuple[float, ...], kept: tuple[float, ...], wrong: set[str]) -> None:
+    shading, found = shade([diffuse(colour)], [], PLAIN).sound()
+    np.testing.assert_allclose(shading.albedo, [kept])
+    assert found == wrong
+
+
+def test_emission_is_not_limited() -> None:
+    bright = Closure("EMISSION", {"Color": RED, "Strength": (1e9,)})
+    shading, found = shade([bright], [], PLAIN).sound()
+    np.testing.assert_allclose(shading.emission, [np.multiply(1e9, RED)])
+    assert not found
