@@ -100,16 +100,24 @@ def apply_patterns(lights: Lights, powers: list[Float64], sampled: list[Float64]
     """
     half_angle = _half_angles(lights)
     elliptic = lights.area.elliptic, np.zeros(len(lights.point.names), dtype=np.bool_)
+    means: dict[tuple[int, bool], tuple[Float64, float]] = {}
     for kind, pattern in enumerate((lights.area.pattern, lights.point.pattern)):
-        for light, index in enumerate(() if pattern is None else pattern):
+        for light, index in enumerate(() if pattern is None else pattern.tolist()):
             if index == NO_PATTERN:
                 continue
-            factor = lights.patterns[index].factor.astype(np.float64)
-            sizes = _sizes(lights.patterns[index], half_angle[int(index)])
-            cut = elliptic[kind][light]
-            inside = _inside(*sizes.shape) * sizes if cut else sizes
-            powers[kind][light] *= (factor * inside[..., None]).sum(axis=(0, 1)) / inside.sum()
-            sampled[kind][light] *= (factor.max(axis=2) * sizes).sum() * (4.0 / math.pi if cut else 1.0)
+            key = index, bool(elliptic[kind][light])
+            if key not in means:
+                means[key] = _means(lights.patterns[index], half_angle[index], key[1])
+            powers[kind][light] *= means[key][0]
+            sampled[kind][light] *= means[key][1]
+
+
+def _means(pattern: Pattern, half_angle: float, cut: bool) -> tuple[Float64, float]:
+    """Return the mean of f, (3,), within an ellipse if one cuts the pattern, and what photons stand for over it."""
+    factor, sizes = pattern.factor.astype(np.float64), _sizes(pattern, half_angle)
+    inside = _inside(*sizes.shape) * sizes if cut else sizes
+    largest = float((factor.max(axis=2) * sizes).sum()) * (4.0 / math.pi if cut else 1.0)
+    return (factor * inside[..., None]).sum(axis=(0, 1)) / inside.sum(), largest
 
 
 def _inside(rows: int, columns: int) -> Float64:
