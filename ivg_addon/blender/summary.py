@@ -142,5 +142,5 @@ def _where_it_went(statistics: BakeStatistics) -> str:
 
 def table(rows: Iterable[Row], notices: Iterable[Notice] = ()) -> str:
     """Return rows and notices as lines of text."""
-    lines = [f"{label + ':':<10}{value}" for label, value in rows]
+    lines = [f"{label + ':':<11}{value}" for label, value in rows]
     return "\n".join([*lines, *(str(notice) for notice in notices)])
