@@ -12,6 +12,7 @@ from datetime import UTC, datetime
 
 import numpy as np
 
+from .aim import Aim, aim_steps
 from .checksum import checksum
 from .dual_cells import Lattice
 from .embree import Tracer
@@ -24,7 +25,7 @@ from .photon_walk import Course, Walk, thread_count, walk_steps
 from .progress import Progress, Result, finish
 from .report import Notice, merge
 from .restricted_light import RestrictedLight
-from .scene import Float32, Scene
+from .scene import Float32, Scene, SurfaceRecord
 from .settings import BakeSettings, Estimator, Vec3
 from .surface_bins import PATCHES_PER_VOXEL, PHOTONS_PER_PATCH, SurfaceBins
 from .surfaces import Surfaces
@@ -55,6 +56,9 @@ class BakeStatistics:
         Worker threads.
     grid_bytes
         Memory of the grid.
+    aim
+        How many photons of the surroundings were of use; None where there are no surroundings, or too few photons to
+        find out.
     """
 
     photons: int
@@ -69,6 +73,7 @@ class BakeStatistics:
     embree_seconds: float
     threads: int
     grid_bytes: int
+    aim: Aim | None = None
 
     @property
     def photons_per_second(self) -> float:
@@ -116,6 +121,7 @@ def bake_steps(scene: Scene, settings: BakeSettings) -> Generator[Progress, None
     course = prepare_course(scene, lattice, settings.photons)
     yield Progress("Compiling for this processor, once after installing", 0.0)
     _compile_kernels(scene, course, settings)
+    course, aim = yield from _scaled(aim_steps(course, lattice, settings), 0.0, 0.0)
     prepare_seconds = time.perf_counter() - start
 
     photon_share = 0.8 if _measures_lit_volume(settings) else 1.0
@@ -144,6 +150,7 @@ def bake_steps(scene: Scene, settings: BakeSettings) -> Generator[Progress, None
             statistics,
             prepare_seconds=prepare_seconds,
             lit_seconds=time.perf_counter() - lit_start,
+            aim=aim,
         ),
         notices=merge([*scene.notices, *_doubts(grid, walk)]),
     )
@@ -185,7 +192,7 @@ def _light_knowledge(scene: Scene, course: Course, walk: Walk) -> LightKnowledge
         tracer=course.later,
         bins=course.bins,
         bin_counts=walk.bin_counts,
-        world_shines=bool(np.any(scene.lights.world > 0)),
+        world_shines=scene.lights.world_shines,
     )
 
 
@@ -222,7 +229,7 @@ def _record(scene: Scene, settings: BakeSettings, emission: Emission) -> BakeRec
     red, green, blue = (float(x) for x in emission.power)
     return BakeRecord(
         scene=scene.name,
-        checksum=checksum(replace(scene, notices=())),
+        checksum=checksum(replace(scene, notices=(), surfaces=SurfaceRecord())),
         settings=settings,
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         version=VERSION,

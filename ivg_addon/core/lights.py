@@ -12,6 +12,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from .environment import EnvironmentMap
+
 Float32 = NDArray[np.float32]
 Bool = NDArray[np.bool_]
 
@@ -149,6 +151,8 @@ class Lights:
     ----------
     world : (3,) float32
         Radiance of the surroundings, the same from every direction, W/(m² sr).
+    environment
+        Radiance of the surroundings, added to `world`, where it differs from direction to direction.
     patterns
         Of area lights, points and spots; no two of different cones share one.
     group : (lights,) int32, optional
@@ -161,6 +165,7 @@ class Lights:
     area: AreaLights = field(default_factory=AreaLights)
     point: PointLights = field(default_factory=PointLights)
     sun: SunLights = field(default_factory=SunLights)
+    environment: tuple[EnvironmentMap, ...] = ()
     patterns: tuple[Pattern, ...] = ()
     group: Int32 | None = None
     max_bounces: Int32 | None = None
@@ -174,3 +179,8 @@ class Lights:
     def names(self) -> tuple[str, ...]:
         """Return the names of all light datablocks: areas, points and spots, suns."""
         return self.area.names + self.point.names + self.sun.names
+
+    @property
+    def world_shines(self) -> bool:
+        """Tell whether what looks past all geometry finds light, suns aside."""
+        return bool((self.world > 0.0).any()) or any(one.shines() for one in self.environment)

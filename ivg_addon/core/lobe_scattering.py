@@ -89,6 +89,7 @@ def scatter_at_lobes(
     weights,
     bounces,
     dark,
+    standard,
     hit_triangle,
     hit_u,
     hit_v,
@@ -205,7 +206,9 @@ def scatter_at_lobes(
         ends = flight - bounces[row] >= MOST_PASSAGES if passes else bounces[row] >= most_bounces
         if ends:
             add_energy(energy, CUT, r0, r1, r2)
-        of = 1.0 if kind == DIFFUSE or kind == TRANSLUCENT else radiance_scale * largest_of(w0, w1, w2)
+        of = radiance_scale * largest_of(w0, w1, w2)
+        if kind == DIFFUSE or kind == TRANSLUCENT:
+            of = standard[photons[row] & (len(standard) - 1)]
         survival = min(1.0, largest / of)
         if ends or xi_survival >= survival:
             bounces[row] = _DEAD

@@ -91,7 +91,7 @@ class Course:
     restricted: RestrictedLight | None = None
 
 
-class _Worker:
+class Worker:
     """One thread's sums and its buffers for a batch."""
 
     def __init__(self, course: Course, lattice: Lattice, settings: BakeSettings) -> None:
@@ -109,13 +109,13 @@ class _Worker:
         self.directions = np.empty((BATCH, 3), dtype=np.float32)
         self.weights = np.empty((BATCH, 3), dtype=np.float32)
         self.dark = np.empty(BATCH, dtype=np.float32)
+        # By the last bits of a photon's index: no two photons of a batch share a place.
+        self.standard = np.ones(1 << (BATCH - 1).bit_length(), dtype=np.float32)
         self.bounces = np.empty(BATCH, dtype=np.int16)
         self.waiting = np.empty((BATCH, 2), dtype=np.int32)
 
-    def fly(self, batch: int, stop: threading.Event) -> int:
-        """Trace one batch to its end, or until `stop`; return how many photons it had."""
-        first = batch * BATCH
-        size = min(BATCH, self.settings.photons - first)
+    def fly(self, first: int, size: int, stop: threading.Event) -> int:
+        """Trace photons first, first + 1, … to their end, or until `stop`; return how many. At most `BATCH`."""
         self.photons[:size] = np.arange(first, first + size)
         self.course.emission.emit(
             self.settings.seed,
@@ -125,6 +125,9 @@ class _Worker:
             self.weights[:size],
             self.dark[:size],
         )
+        if self.course.emission.is_aimed:
+            standards = self.course.emission.standards(self.settings.seed, first, size)
+            self.standard[self.photons[:size] & (len(self.standard) - 1)] = standards
         self.bounces[:size] = 0
         alive = size
         for flight in range(self.most_flights):
@@ -171,18 +174,22 @@ class _Worker:
                 origins, directions, dark, hits.triangle, hits.distance, surfaces.material, surfaces.lobes.lets_pass
             )
         if settings.include_direct or not may_be_direct:
-            self.tally.deposit(origins, directions, weights, hits.distance)
+            self.deposit(origins, directions, weights, hits.distance)
         elif flight > 0:
-            self.tally.deposit(origins, directions, weights, np.where(bounces > 0, hits.distance, np.float32(0)))
+            self.deposit(origins, directions, weights, np.where(bounces > 0, hits.distance, np.float32(0)))
         if factor is not None:
             weights *= factor[:, None]
         scene = (hits.triangle, hits.u, hits.v, settings.seed, flight, settings.bounces, course.surfaces)
-        photons = (self.photons[:n], origins, directions, weights, bounces, dark)
+        photons = (self.photons[:n], origins, directions, weights, bounces, dark, self.standard)
         sums = (self.bin_counts, self.energy, self.waiting)
         alive, late = scatter(*photons, *scene, *sums)
         if late:
             alive = scatter_at_lobes(*photons, *scene, *sums, alive, late)
         return int(alive)
+
+    def deposit(self, origins: Float32, directions: Float32, weights: Float32, lengths: Float32) -> None:
+        """Add flights that count to the sums; see `Tally.deposit`."""
+        self.tally.deposit(origins, directions, weights, lengths)
 
     def _intersect(self, flight: int, origins: Float32, directions: Float32) -> Hits:
         """Return the photons' hits: before their first bounce on what blocks direct light, then on the rest."""
@@ -209,17 +216,18 @@ def walk_steps(course: Course, lattice: Lattice, settings: BakeSettings) -> Gene
     Closing the generator stops the threads within one flight of a batch.
     """
     start = time.perf_counter()
-    workers = [_Worker(course, lattice, settings) for _ in range(thread_count(settings))]
+    workers = [Worker(course, lattice, settings) for _ in range(thread_count(settings))]
     batches = itertools.count()
     batch_count = -(-settings.photons // BATCH)
     done: queue.SimpleQueue[int | None] = queue.SimpleQueue()
     stop = threading.Event()
 
-    def run(worker: _Worker) -> None:
+    def run(worker: Worker) -> None:
         try:
             # next() on itertools.count is atomic under the GIL.
             while not stop.is_set() and (batch := next(batches)) < batch_count:
-                done.put(worker.fly(batch, stop))
+                first = batch * BATCH
+                done.put(worker.fly(first, min(BATCH, settings.photons - first), stop))
         except BaseException:
             # What went wrong is told when all have stopped; nothing is worth waiting for.
             stop.set()
@@ -257,7 +265,7 @@ def _progress(
         )
 
 
-def _merge(workers: list[_Worker], photons: int, seconds: float) -> Walk:
+def _merge(workers: list[Worker], photons: int, seconds: float) -> Walk:
     """Sum what the threads kept."""
     total = workers[0]
     for worker in workers[1:]:

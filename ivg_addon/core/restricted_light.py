@@ -11,7 +11,7 @@ Light that a transparent surface lets pass goes on as restricted as it came; wha
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,7 +59,7 @@ class RestrictedLight:
         """Return what applies the scene's rules; None where no light has any."""
         lights, rules = scene.lights, scene.light_rules
         pieces = len(emission.emitters.triangles.pieces.triangle)
-        # Lights in their order, the world, emissive triangles.
+        # Lights in their order, the rest of the surroundings, emissive triangles.
         group = np.zeros(len(emission.emitters.cumulative), dtype=np.int32)
         limit = np.full(len(group), NO_LIMIT, dtype=np.int32)
         if rules is not None:
@@ -69,6 +69,8 @@ class RestrictedLight:
                 group[: len(lights.group)] = lights.group
         if lights.max_bounces is not None:
             limit[: len(lights.max_bounces)] = lights.max_bounces
+        _repeat_for_boxes(emission, group)
+        _repeat_for_boxes(emission, limit)
         chooses = group.any() or (rules is not None and rules.restrict_all)
         if not chooses and limit.min() >= NO_LIMIT:
             return None
@@ -79,6 +81,10 @@ class RestrictedLight:
             limit=limit,
             object=scene.geometry.object,
         )
+
+    def aimed(self, emission: Emission) -> RestrictedLight:
+        """Return the same rules for an emission whose emitters are picked otherwise."""
+        return replace(self, cumulative=emission.emitters.cumulative)
 
     @property
     def ends(self) -> bool:
@@ -155,6 +161,12 @@ class RestrictedLight:
         dark[rows] = 0.0
         factor[rows] = np.maximum(way.lit, 1)
         return factor
+
+
+def _repeat_for_boxes(emission: Emission, values: Int32) -> None:
+    """Give each sun the value that it has among the emitters for the first box also among those for the others."""
+    surroundings, suns = values[emission.guided].reshape(emission.boxes, -1), len(emission.emitters.suns.direction)
+    surroundings[1:, :suns] = surroundings[0, :suns]
 
 
 class _Way:

@@ -94,7 +94,7 @@ def find_light_steps(
         tracer=course.later,
         bins=course.bins,
         bin_counts=walk.bin_counts,
-        world_shines=bool(np.any(scene.lights.world > 0)),
+        world_shines=scene.lights.world_shines,
     )
     return LitBox(scene, bounds_min, bounds_max, knowledge)
 

@@ -10,7 +10,8 @@ normal s, both on the side it arrives at. It is reflected with density cos θ/π
 With s = g this is diffuse reflection; else it is its adjoint for shading normals (Veach, "Robust
 Monte Carlo Methods for Light Transport Simulation", 1997, §5.3): the surface then sends out what
 Cycles, which lights it by s, sees it send. The photon survives with probability
-q = min(1, max(w')), with weight w'/q: the expectation is w', and weights stay of order one.
+q = min(1, max(w')/w₀), w₀ what emission calls the standard of the photon's weight, and weight w'/q:
+the expectation is w', and weights stay of the order that emission gave them.
 """
 
 from __future__ import annotations
@@ -45,6 +46,7 @@ def scatter(
     weights,
     bounces,
     dark,
+    standard,
     hit_triangle,
     hit_u,
     hit_v,
@@ -68,6 +70,8 @@ def scatter(
         How often each has bounced; changed in place.
     dark : (n,) float32
         See `emission.leave_darkness`; moved with the survivors.
+    standard : (2^k,) float32
+        w₀ by the last k bits of a photon's index.
     hit_triangle : (n,) int32, hit_u, hit_v : (n,) float32
         From `embree.Tracer.intersect`.
     seed
@@ -95,6 +99,7 @@ def scatter(
     smooth, material, special = surfaces.smooth, surfaces.material, surfaces.special
     albedo, texture, back = surfaces.albedo, surfaces.texture, surfaces.back
     bin_divisions, bin_offset = surfaces.bin_divisions, surfaces.bin_offset
+    standard_mask = len(standard) - 1
     landed = np.empty(len(photons), dtype=np.int64)
     hits = 0
     alive = 0
@@ -142,7 +147,7 @@ def scatter(
         if bounces[ray] >= most_bounces:
             add_energy(energy, CUT, r0, r1, r2)
             continue
-        survival = min(1.0, largest)
+        survival = min(1.0, largest / standard[photons[ray] & standard_mask])
         xi_u, xi_v, xi_survival, _ = random4(seed, photons[ray], STREAM_SCATTER + flight)
         if xi_survival >= survival:
             continue

@@ -185,7 +185,7 @@ class Materials:
 
 @dataclass(frozen=True)
 class SurfaceRecord:
-    """Where the materials of a scene came from.
+    """Where the materials and the world of a scene came from.
 
     Parameters
     ----------
@@ -195,12 +195,15 @@ class SurfaceRecord:
         How many Cycles evaluated, and how many it had evaluated before.
     seconds
         What evaluating took.
+    world_seconds
+        What evaluating the world took; 0 if it had been evaluated before, None if it was read as it is.
     """
 
     direct: int = 0
     evaluated: int = 0
     recalled: int = 0
     seconds: float = 0.0
+    world_seconds: float | None = None
 
 
 @dataclass(frozen=True)

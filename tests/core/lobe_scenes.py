@@ -102,7 +102,7 @@ def meet(
     photons, triangle = np.arange(n, dtype=np.int64), np.zeros(n, dtype=np.int32)
     weights = np.broadcast_to(np.asarray(weight, dtype=np.float32), (n, 3)).copy()
     flights = (photons, np.zeros((n, 3), dtype=np.float32), np.array(arrival, dtype=np.float32), weights)
-    state = (np.full(n, bounced, dtype=np.int16), np.full(n, dark, dtype=np.float32))
+    state = (np.full(n, bounced, dtype=np.int16), np.full(n, dark, dtype=np.float32), np.ones(1, dtype=np.float32))
     counts, energy = bins.empty_counts(), np.zeros((3, 3), dtype=np.int64)
     rest = (triangle, u, v, seed, flight, most, Surfaces.of(of, bins), counts, energy, np.empty((n, 2), dtype=np.int32))
     alive, late = scatter(*flights, *state, *rest)

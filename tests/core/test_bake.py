@@ -267,7 +267,7 @@ def test_any_triangles_give_a_finite_grid_or_one_clear_error(
         assert np.isfinite(getattr(told, row)).all()
         assert (np.array(getattr(told, row)) >= 0).all()
     assert np.isfinite(told.absorbed).all()
-    assert all(getattr(told, field.name) is not None for field in fields(told))
+    assert all(getattr(told, field.name) is not None for field in fields(told) if field.name != "aim")
     finish(iter_look_ups(result.grid.irradiance))
 
 

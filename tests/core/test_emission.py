@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from ivg_addon.core.emission import prepare_emission
+from ivg_addon.core.environment import EnvironmentMap
 from ivg_addon.core.errors import SceneError
 from ivg_addon.core.lights import AreaLights, Lights, PointLights, SunLights
 from ivg_addon.core.scene import Scene
@@ -48,6 +49,10 @@ def everything() -> Scene:
             direction=array((0, 0.6, -0.8), (1, 0, 0)),
             half_angle=array(0.3, 0.0),
             irradiance=array((1, 1, 1), (0.1, 0.1, 0.3)),
+        ),
+        environment=(
+            EnvironmentMap(np.linspace(0.0, 0.5, 4 * 8 * 3, dtype=np.float32).reshape(4, 8, 3)),
+            EnvironmentMap(np.full((2, 2, 3), 9.0, np.float32), longitude=(1.0, 1.1), latitude=(0.5, 0.6)),
         ),
     )
     return scene(lights, SQUARE, [(2, 0, 1)])

@@ -209,7 +209,7 @@ def test_memory_does_not_grow_with_the_number_of_photons(monkeypatch: pytest.Mon
     course = prepare_course(scene([ball(inward=True)], lights=lamp((0, 0, 0))), lattice, 1000)
 
     def held(photons: int) -> int:
-        worker = photon_walk._Worker(course, lattice, replace(SETTINGS, photons=photons))
+        worker = photon_walk.Worker(course, lattice, replace(SETTINGS, photons=photons))
         arrays = [value for value in vars(worker).values() if isinstance(value, np.ndarray)]
         return sum(array.nbytes for array in arrays) + worker.tally.sums.nbytes
 

@@ -1,4 +1,4 @@
-"""Photons from infinitely far away: suns and the world.
+"""Photons from infinitely far away: suns and a world of one colour.
 
 All that matters of such light is what enters a box around the scene. From a uniform radiance L a
 face of the box receives L cos θ: the world is a box whose faces shine inwards by Lambert's law,
@@ -9,6 +9,11 @@ with power π L times their area. Of a sun's direction d the box blocks the area
 so a direction uniform in the sun's cone, then a point uniform over the faces that d enters, is
 right in proportion to A(d). Each photon stands for the largest A of the cone; where A(d) is
 smaller, the difference is the chance that the photon misses the box.
+
+Where the grid's own box is much smaller than that around the scene, boxes are nested from the one to
+the other, and what flies through a box but past the next smaller one is emitted apart: its photons
+start as if there was only that box, and go back along their way to the outermost; those that would
+fly through the next smaller one fail. So `aim.py` finds what is of use, however large the scene is.
 """
 
 from __future__ import annotations
@@ -26,6 +31,9 @@ from ..vectors import cosine_direction, orthonormal_basis
 Float64 = NDArray[np.float64]
 
 _QUADRATURE_NODES = 128
+_MUCH_LARGER = 4.0
+"""Times the area that the grid's box shows."""
+_MOST_STEPS = 4
 
 
 class Box(NamedTuple):
@@ -49,14 +57,38 @@ class Box(NamedTuple):
         x, y, z = high - low
         return cls(low=low, high=high, areas=np.array([y * z, z * x, x * y]))
 
+    @classmethod
+    def nested(cls, whole: Box, grid: Box) -> tuple[Box, ...]:
+        """Return boxes from `whole` to `grid`, which lies in it; alone `whole` where the two are much the same.
+
+        Each shows about an eighth of the area that the one before it shows, or less.
+        """
+        ratio = float(whole.areas.sum() / grid.areas.sum())
+        if ratio < _MUCH_LARGER:
+            return (whole,)
+        steps = min(max(1, round(math.log(ratio, 8.0))), _MOST_STEPS)
+        boxes = [whole]
+        for step in range(1, steps):
+            # Areas grow with the square of lengths.
+            share = (math.sqrt(ratio ** (1.0 - step / steps)) - 1.0) / (math.sqrt(ratio) - 1.0)
+            x, y, z = extent = (1.0 - share) * (grid.high - grid.low) + share * (whole.high - whole.low)
+            low = (1.0 - share) * grid.low + share * whole.low
+            boxes.append(cls(low=low, high=low + extent, areas=np.array([y * z, z * x, x * y])))
+        return (*boxes, grid)
+
+    @classmethod
+    def stacked(cls, boxes: tuple[Box, ...]) -> Box:
+        """Return several boxes as one of arrays (boxes, 3)."""
+        return cls(*(np.stack(arrays) for arrays in zip(*boxes, strict=True)))
+
 
 class SunEmitters(NamedTuple):
     """Suns as the kernel sees them, float64; fields as in `lights.SunLights`.
 
     one_minus_cos : (n,) float64
         1 − cos of the half angle.
-    largest_shadow : (n,) float64
-        An upper bound of A(d) over the sun's cone, m².
+    largest_shadow : (boxes, n) float64
+        An upper bound of A(d) over the sun's cone, m², for each box that light may enter.
     """
 
     direction: Float64
@@ -64,7 +96,7 @@ class SunEmitters(NamedTuple):
     largest_shadow: Float64
 
     @classmethod
-    def of(cls, lights: SunLights, box: Box) -> SunEmitters:
+    def of(cls, lights: SunLights, boxes: tuple[Box, ...]) -> SunEmitters:
         """Gather the arrays that the kernel needs."""
         direction = lights.direction.astype(np.float64)
         half_angle = lights.half_angle.astype(np.float64)
@@ -74,7 +106,7 @@ class SunEmitters(NamedTuple):
         return cls(
             direction=direction,
             one_minus_cos=2.0 * np.sin(0.5 * half_angle) ** 2,
-            largest_shadow=np.minimum(closest @ box.areas, np.linalg.norm(box.areas)),
+            largest_shadow=np.stack([np.minimum(closest @ box.areas, np.linalg.norm(box.areas)) for box in boxes]),
         )
 
 
@@ -112,15 +144,15 @@ def mean_shadows(lights: SunLights, box: Box) -> Float64:
 
 
 @merged
-def emit_world(box, xi_0, xi_1, xi_2, xi_3, xi_4):
+def emit_world(box_low, box_high, box_areas, box, xi_0, xi_1, xi_2, xi_3, xi_4):
     """Return the origin on the box and the direction into it, six floats; ξ uniform in (0, 1)."""
-    areas = box.areas
-    t = xi_0 * (areas[0] + areas[1] + areas[2])
-    axis = 0 if t < areas[0] else (1 if t < areas[0] + areas[1] else 2)
+    area_x, area_y = box_areas[box, 0], box_areas[box, 1]
+    t = xi_0 * (area_x + area_y + box_areas[box, 2])
+    axis = 0 if t < area_x else (1 if t < area_x + area_y else 2)
     sign = 1.0 if xi_1 < 0.5 else -1.0
     # Half of a uniform number's range is a uniform number again.
     place = 2.0 * xi_1 if xi_1 < 0.5 else 2.0 * xi_1 - 1.0
-    ox, oy, oz = _on_face(box, axis, sign, place, xi_2)
+    ox, oy, oz = on_face(box_low, box_high, box, axis, sign, place, xi_2)
     dx, dy, dz = cosine_direction(
         sign if axis == 0 else 0.0,
         sign if axis == 1 else 0.0,
@@ -132,7 +164,7 @@ def emit_world(box, xi_0, xi_1, xi_2, xi_3, xi_4):
 
 
 @merged
-def emit_sun(suns, sun, box, xi_0, xi_1, xi_2, xi_3, xi_4):
+def emit_sun(suns, sun, box_low, box_high, box_areas, box, xi_0, xi_1, xi_2, xi_3, xi_4):
     """Return the photon's origin on the box and direction, six floats, and whether it hits the box.
 
     Parameters
@@ -140,7 +172,10 @@ def emit_sun(suns, sun, box, xi_0, xi_1, xi_2, xi_3, xi_4):
     suns : SunEmitters
     sun
         Index of the sun.
-    box : Box
+    box_low, box_high, box_areas
+        The fields of `Box.stacked`.
+    box
+        Index of the box.
     xi_0 … xi_4
         Uniform in (0, 1): two pick the direction, one the face, two the place.
     """
@@ -153,29 +188,46 @@ def emit_sun(suns, sun, box, xi_0, xi_1, xi_2, xi_3, xi_4):
     d0 = x * tx + y * bx + dz * ax
     d1 = x * ty + y * by + dz * ay
     d2 = x * tz + y * bz + dz * az
-    shadow_0 = box.areas[0] * abs(d0)
-    shadow_1 = box.areas[1] * abs(d1)
-    shadow_2 = box.areas[2] * abs(d2)
-    t = xi_2 * suns.largest_shadow[sun]
+    shadow_0 = box_areas[box, 0] * abs(d0)
+    shadow_1 = box_areas[box, 1] * abs(d1)
+    shadow_2 = box_areas[box, 2] * abs(d2)
+    t = xi_2 * suns.largest_shadow[box, sun]
     if t < shadow_0:
         axis, sign = 0, math.copysign(1.0, d0)
     elif t < shadow_0 + shadow_1:
         axis, sign = 1, math.copysign(1.0, d1)
     else:
         axis, sign = 2, math.copysign(1.0, d2)
-    ox, oy, oz = _on_face(box, axis, sign, xi_3, xi_4)
+    ox, oy, oz = on_face(box_low, box_high, box, axis, sign, xi_3, xi_4)
     return ox, oy, oz, d0, d1, d2, t < shadow_0 + shadow_1 + shadow_2
 
 
 @merged
-def _on_face(box, axis, sign, u, v):
-    """Return the point (u, v) of the face across `axis` through which `sign` points inwards."""
+def on_face(low, high, box, axis, sign, u, v):
+    """Return the point (u, v) of a box's face across `axis` through which `sign` points inwards."""
     entry = 0.0 if sign > 0.0 else 1.0
     x = entry if axis == 0 else u
     y = entry if axis == 1 else (u if axis == 0 else v)
     z = entry if axis == 2 else v
     return (
-        box.low[0] + x * (box.high[0] - box.low[0]),
-        box.low[1] + y * (box.high[1] - box.low[1]),
-        box.low[2] + z * (box.high[2] - box.low[2]),
+        low[box, 0] + x * (high[box, 0] - low[box, 0]),
+        low[box, 1] + y * (high[box, 1] - low[box, 1]),
+        low[box, 2] + z * (high[box, 2] - low[box, 2]),
     )
+
+
+@merged
+def way_into(low, high, box, ox, oy, oz, dx, dy, dz):
+    """Return where a line enters and leaves a box, in lengths of its direction; it misses where it leaves first."""
+    start, end = -math.inf, math.inf
+    for axis in range(3):
+        o = ox if axis == 0 else (oy if axis == 1 else oz)
+        d = dx if axis == 0 else (dy if axis == 1 else dz)
+        if d == 0.0:
+            if o < low[box, axis] or o > high[box, axis]:
+                end = -math.inf
+        else:
+            first, second = (low[box, axis] - o) / d, (high[box, axis] - o) / d
+            start = max(start, min(first, second))
+            end = min(end, max(first, second))
+    return start, end

@@ -14,7 +14,9 @@ from ..lights import NO_PATTERN
 from ..random import STREAM_EMISSION, random4
 from ..scene import NO_TEXTURE, Float32
 from .area import AreaEmitters, emit_area, on_area
-from .distant import Box, SunEmitters, emit_sun, emit_world
+from .distant import Box, SunEmitters, emit_sun, emit_world, way_into
+from .environment import MapEmitters, emit_map
+from .guide import Guide, pick_leaf
 from .patterns import PatternEmitters, pick_texel
 from .points import PointEmitters, emit_patterned_point, emit_point
 from .triangles import TriangleEmitters, emit_triangle, texture_of_emission
@@ -23,12 +25,21 @@ _OUTWARDS = 1.0 / math.sqrt(3.0)
 
 
 class Emitters(NamedTuple):
-    """All emitters in a row: areas, points, suns, the world, pieces of emissive triangles.
+    """All emitters in a row: areas, points, the surroundings, pieces of emissive triangles.
+
+    The surroundings are suns, the world and environment maps: all of them through each of the boxes but past the next,
+    for one box after the other.
 
     cumulative : (emitters,) float64
-        Σ s up to and with each emitter.
-    weight : (emitters before the triangles, 3) float32
-        Power of each light over its largest channel. Triangles have theirs by material and texture.
+        Σ s up to and with each emitter, s as `guide` makes it.
+    weight : (emitters before the maps, 3) float32
+        Power of each light over its largest channel. Maps have theirs by texel, triangles by material and texture.
+    box
+        Around the scene and the grid.
+    boxes
+        That box, and where it pays (`distant.py`) smaller ones down to the grid's: arrays (boxes, 3).
+    guide
+        Of the surroundings.
     patterns
         Those of areas and points, whose weights they multiply.
     """
@@ -38,8 +49,11 @@ class Emitters(NamedTuple):
     areas: AreaEmitters
     points: PointEmitters
     suns: SunEmitters
+    maps: MapEmitters
     triangles: TriangleEmitters
     box: Box
+    boxes: Box
+    guide: Guide
     patterns: PatternEmitters
 
 
@@ -49,7 +63,17 @@ def emit_photons(seed, first_photon, emitters, origins, directions, weights, dar
     first_point = len(emitters.areas.center)
     first_sun = first_point + len(emitters.points.radius)
     world = first_sun + len(emitters.suns.direction)
+    first_triangle = first_sun + len(emitters.guide.first_leaf) - 1
+    boxes = len(emitters.boxes.low)
+    sources = (first_triangle - first_sun) // boxes
+    map_count = sources - (world - first_sun) - 1
     center, edge_u, edge_v, direction, elliptic, slat_range = emitters.areas
+    box_low, box_high, box_areas = emitters.boxes
+    out_x, out_y, out_z = emitters.box.high[0], emitters.box.high[1], emitters.box.high[2]
+    first_leaf, leaf_sums, leaf_low, leaf_size, leaf_weight, rest = emitters.guide
+    map_row, map_column, map_texel, map_row_sums, map_sums, color, latitude, longitude, row_bounds, column_bounds = (
+        emitters.maps
+    )
     vertices, triangles, uvs, pieces, emission, texture, pool = emitters.triangles
     of_triangle, sides, of_material, divisions, index, bound = pieces
     weight = emitters.weight
@@ -61,6 +85,9 @@ def emit_photons(seed, first_photon, emitters, origins, directions, weights, dar
         distance = 0.0
         exists = True
         texel = -1
+        row = emitter
+        part = rest[0]
+        box = 0
         red = green = blue = 0.0
         if first_point <= emitter < first_sun:
             light = emitter - first_point
@@ -70,34 +97,68 @@ def emit_photons(seed, first_photon, emitters, origins, directions, weights, dar
             else:
                 xi, _, _, _ = random4(seed, photon, STREAM_EMISSION + 1)
                 texel = pick_texel(first_texel, texel_sums, pattern, xi)
-                row, column = divmod(texel - first_texel[pattern], columns[pattern])
+                line, column = divmod(texel - first_texel[pattern], columns[pattern])
                 ox, oy, oz, dx, dy, dz, distance = emit_patterned_point(
-                    emitters.points, light, row, rows[pattern], column, columns[pattern], seed, photon, xi_0, xi_1
+                    emitters.points, light, line, rows[pattern], column, columns[pattern], seed, photon, xi_0, xi_1
                 )
         else:
             xi_2, xi_3, xi_4, xi_5 = random4(seed, photon, STREAM_EMISSION + 1)
+            if first_sun <= emitter < first_triangle:
+                leaf = pick_leaf(first_leaf, leaf_sums, emitter - first_sun, xi_5)
+                part = leaf_weight[leaf]
+                xi_0 = leaf_low[leaf, 0] + leaf_size[leaf, 0] * xi_0
+                xi_1 = leaf_low[leaf, 1] + leaf_size[leaf, 1] * xi_1
+                xi_2 = leaf_low[leaf, 2] + leaf_size[leaf, 2] * xi_2
+                xi_3 = leaf_low[leaf, 3] + leaf_size[leaf, 3] * xi_3
+                xi_4 = leaf_low[leaf, 4] + leaf_size[leaf, 4] * xi_4
+                box = (emitter - first_sun) // sources
+                row = emitter - box * sources
             if emitter < first_point:
                 pattern = area_pattern[emitter]
                 if pattern == NO_PATTERN:
                     u, v = on_area(elliptic[emitter], xi_0, xi_1)
                 else:
                     texel = pick_texel(first_texel, texel_sums, pattern, xi_5)
-                    row, column = divmod(texel - first_texel[pattern], columns[pattern])
+                    line, column = divmod(texel - first_texel[pattern], columns[pattern])
                     u = (column + xi_0) / columns[pattern] - 0.5
-                    v = (row + xi_1) / rows[pattern] - 0.5
+                    v = (line + xi_1) / rows[pattern] - 0.5
                     exists = not elliptic[emitter] or u * u + v * v < 0.25
                 ox, oy, oz, dx, dy, dz = emit_area(
                     center, edge_u, edge_v, direction, slat_range, emitter, u, v, xi_2, xi_3, xi_4
                 )
-            elif emitter < world:
-                light = emitter - first_sun
+            elif row < world:
+                light = row - first_sun
                 ox, oy, oz, dx, dy, dz, exists = emit_sun(
-                    emitters.suns, light, emitters.box, xi_0, xi_1, xi_2, xi_3, xi_4
+                    emitters.suns, light, box_low, box_high, box_areas, box, xi_0, xi_1, xi_2, xi_3, xi_4
                 )
-            elif emitter == world:
-                ox, oy, oz, dx, dy, dz = emit_world(emitters.box, xi_0, xi_1, xi_2, xi_3, xi_4)
+            elif row == world:
+                ox, oy, oz, dx, dy, dz = emit_world(box_low, box_high, box_areas, box, xi_0, xi_1, xi_2, xi_3, xi_4)
+            elif emitter < first_triangle:
+                ox, oy, oz, dx, dy, dz, exists, texel = emit_map(
+                    map_row,
+                    map_column,
+                    map_texel,
+                    map_row_sums,
+                    map_sums,
+                    latitude,
+                    longitude,
+                    row_bounds,
+                    column_bounds,
+                    row - world - 1 + box * map_count,
+                    box_low,
+                    box_high,
+                    box_areas,
+                    box,
+                    xi_0,
+                    xi_1,
+                    xi_2,
+                    xi_3,
+                    xi_4,
+                )
+                texel %= len(color)
+                red, green, blue = color[texel, 0], color[texel, 1], color[texel, 2]
             else:
-                piece = emitter - world - 1
+                piece = emitter - first_triangle
                 ox, oy, oz, dx, dy, dz, u, v = emit_triangle(
                     vertices, triangles, of_triangle, sides, divisions, index, piece, xi_0, xi_1, xi_2, xi_3, xi_4
                 )
@@ -109,23 +170,78 @@ def emit_photons(seed, first_photon, emitters, origins, directions, weights, dar
                     red, green, blue = red * r, green * g, blue * b
                 # At most 1 but for rounding.
                 red, green, blue = min(1.0, share * red), min(1.0, share * green), min(1.0, share * blue)
+            if boxes > 1 and exists and first_sun <= emitter < first_triangle:
+                if box + 1 < boxes:
+                    enters, leaves = way_into(box_low, box_high, box + 1, ox, oy, oz, dx, dy, dz)
+                    exists = enters > leaves
+                if box > 0:
+                    enters, leaves = way_into(box_low, box_high, 0, ox, oy, oz, dx, dy, dz)
+                    ox, oy, oz = ox + enters * dx, oy + enters * dy, oz + enters * dz
         if not exists:
             # Out of sight: from the box's far corner away from everything.
-            ox, oy, oz = emitters.box.high[0], emitters.box.high[1], emitters.box.high[2]
+            ox, oy, oz = out_x, out_y, out_z
+            part = 0.0
             dx = dy = dz = _OUTWARDS
             distance = 0.0
         dark[i] = distance
         _store(origins, i, ox, oy, oz)
         _store(directions, i, dx, dy, dz)
-        if exists and emitter <= world:
-            red, green, blue = weight[emitter, 0], weight[emitter, 1], weight[emitter, 2]
+        if row <= world:
+            red, green, blue = weight[row, 0], weight[row, 1], weight[row, 2]
             if texel >= 0:
                 red, green, blue = (
                     red * texel_color[texel, 0],
                     green * texel_color[texel, 1],
                     blue * texel_color[texel, 2],
                 )
-        _store(weights, i, red, green, blue)
+        _store(weights, i, part * red, part * green, part * blue)
+
+
+@kernel
+def draw_photons(seed, first_photon, emitters, guided, leaf, numbers):
+    """Fill in what `emit_photons` draws for n photons, so that it can be learnt where they are of use.
+
+    Parameters
+    ----------
+    guided : (n,) int32
+        Index of the guided emitter; −1 for all others.
+    leaf : (n,) int64
+        Of all leaves of the guide.
+    numbers : (n, 5) float64
+        The five numbers that say where the photon flies.
+    """
+    first_sun = len(emitters.areas.center) + len(emitters.points.radius)
+    first_triangle = first_sun + len(emitters.guide.first_leaf) - 1
+    first_leaf, leaf_sums, leaf_low, leaf_size, _, _ = emitters.guide
+    cumulative = emitters.cumulative
+    for i in range(len(guided)):
+        coarse, fine, xi_0, xi_1 = random4(seed, first_photon + i, STREAM_EMISSION)
+        emitter = pick(cumulative, coarse, fine)
+        guided[i] = -1
+        if not first_sun <= emitter < first_triangle:
+            continue
+        xi_2, xi_3, xi_4, xi_5 = random4(seed, first_photon + i, STREAM_EMISSION + 1)
+        guided[i] = emitter - first_sun
+        leaf[i] = pick_leaf(first_leaf, leaf_sums, emitter - first_sun, xi_5)
+        drawn = (xi_0, xi_1, xi_2, xi_3, xi_4)
+        for number in range(5):
+            numbers[i, number] = leaf_low[leaf[i], number] + leaf_size[leaf[i], number] * drawn[number]
+
+
+@kernel
+def find_standards(seed, first_photon, emitters, standards):
+    """Fill in the factor that the guide gives the weights of n photons, (n,) float32."""
+    first_sun = len(emitters.areas.center) + len(emitters.points.radius)
+    first_triangle = first_sun + len(emitters.guide.first_leaf) - 1
+    first_leaf, leaf_sums, _, _, leaf_weight, rest = emitters.guide
+    cumulative = emitters.cumulative
+    for i in range(len(standards)):
+        coarse, fine, _, _ = random4(seed, first_photon + i, STREAM_EMISSION)
+        emitter = pick(cumulative, coarse, fine)
+        standards[i] = rest[0]
+        if first_sun <= emitter < first_triangle:
+            _, _, _, xi_5 = random4(seed, first_photon + i, STREAM_EMISSION + 1)
+            standards[i] = leaf_weight[pick_leaf(first_leaf, leaf_sums, emitter - first_sun, xi_5)]
 
 
 @kernel

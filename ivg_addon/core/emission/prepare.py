@@ -5,12 +5,14 @@ carries the flux w_e Σ s / N of N photons, w_e = power / s_e: the largest chann
 is 1, whatever the emitter. What emits in a way that has no closed form is sampled with failures
 whose chance is known: s_e is the larger by that, and a photon that failed has weight 0. Textured
 triangles have no power in closed form either: their s_e is that of a bound, of which photons carry
-the share that the texture has where they start.
+the share that the texture has where they start. A guide (`guide.py`) makes s_e larger and weights
+smaller.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,12 +22,32 @@ from ..lights import Lights
 from ..scene import Float32, Scene
 from .area import AreaEmitters, area_powers
 from .distant import Box, SunEmitters, mean_shadows, sun_fluxes
+from .environment import MapEmitters, map_powers, map_strengths
+from .guide import NUMBERS, Guide, Leaves
 from .patterns import PatternEmitters, apply_patterns
-from .photons import Emitters, emit_photons
+from .photons import Emitters, draw_photons, emit_photons, find_standards
 from .points import ATTEMPTS, PointEmitters, acceptance, point_powers
 from .triangles import TriangleEmitters, triangle_strengths
 
 Float64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Draws:
+    """What n photons are made of; see `photons.draw_photons`.
+
+    Parameters
+    ----------
+    guided : (n,) int32
+        Index among `Emission.guided`; −1 for other emitters.
+    leaf : (n,) int64
+        Of all leaves of the guide.
+    numbers : (n, 5) float64
+    """
+
+    guided: NDArray[np.int32]
+    leaf: NDArray[np.int64]
+    numbers: Float64
 
 
 @dataclass(frozen=True)
@@ -41,17 +63,62 @@ class Emission:
         A photon's flux is its weight times `flux_scale` over the number of photons, W.
     emitters
         Arrays of the kernel.
+    strengths : (emitters,) float64
+        s of each emitter, W, without a guide.
+    is_aimed
+        Whether there is a guide.
     """
 
     power: Float64
     flux_scale: float
     emitters: Emitters
+    strengths: Float64
+    is_aimed: bool = False
 
     @property
     def flies_dark(self) -> bool:
         """Whether some photons carry light only from a distance on; see `leave_darkness`."""
         points = self.emitters.points
         return bool((points.soft_falloff & (points.radius > 0.0)).any())
+
+    @property
+    def guided(self) -> slice:
+        """Return which emitters can be aimed: the surroundings, for one box after the other."""
+        first = len(self.emitters.areas.center) + len(self.emitters.points.radius)
+        return slice(first, first + len(self.emitters.guide.first_leaf) - 1)
+
+    @property
+    def boxes(self) -> int:
+        """Return how many boxes the surroundings are emitted for, the outermost first."""
+        return len(self.emitters.boxes.low)
+
+    def aimed(self, leaves: Sequence[Leaves], rest: float) -> Emission:
+        """Return the same light, aimed.
+
+        Parameters
+        ----------
+        leaves
+            Of each emitter in `guided`.
+        rest
+            How many times more photons all other emitters get, at least 1.
+        """
+        more = np.full(len(self.strengths), rest)
+        more[self.guided] = [one.more for one in leaves]
+        cumulative = np.cumsum(self.strengths * more)
+        emitters = self.emitters._replace(cumulative=cumulative, guide=Guide.of(list(leaves), rest))
+        return replace(self, flux_scale=float(cumulative[-1]), emitters=emitters, is_aimed=True)
+
+    def draws(self, seed: int, first_photon: int, n: int) -> Draws:
+        """Return what photons first_photon … first_photon + n − 1 are made of. Frees the GIL."""
+        drawn = Draws(np.empty(n, np.int32), np.zeros(n, np.int64), np.zeros((n, NUMBERS)))
+        draw_photons(seed, first_photon, self.emitters, drawn.guided, drawn.leaf, drawn.numbers)
+        return drawn
+
+    def standards(self, seed: int, first_photon: int, n: int) -> Float32:
+        """Return the factor that the guide gives the weights of n photons, (n,): 1 without a guide. Frees the GIL."""
+        standards = np.empty(n, dtype=np.float32)
+        find_standards(seed, first_photon, self.emitters, standards)
+        return standards
 
     def emit(
         self,
@@ -94,11 +161,13 @@ def prepare_emission(scene: Scene, bounds_min: ArrayLike, bounds_max: ArrayLike)
         If nothing emits, or a light's power is not a number.
     """
     lights = scene.lights
-    box = _box(scene, bounds_min, bounds_max)
+    boxes = _boxes(scene, bounds_min, bounds_max)
+    box = boxes[0]
     areas = AreaEmitters.of(lights.area)
     points = PointEmitters.of(lights.point)
-    suns = SunEmitters.of(lights.sun, box)
+    suns = SunEmitters.of(lights.sun, boxes)
     triangles = TriangleEmitters.of(scene)
+    maps = lights.environment
 
     accepted = acceptance(points)
     sun_flux = sun_fluxes(lights.sun)
@@ -112,14 +181,18 @@ def prepare_emission(scene: Scene, bounds_min: ArrayLike, bounds_max: ArrayLike)
     sampled = [
         powers[0].copy(),
         powers[1] / (1.0 - (1.0 - accepted) ** ATTEMPTS)[:, None],
-        sun_flux * suns.largest_shadow[:, None],
+        sun_flux * suns.largest_shadow[0][:, None],
     ]
     colors = np.concatenate([*powers, world[None]])
     apply_patterns(lights, powers, sampled)
-    _check_powers(lights, np.concatenate(powers), world)
+    in_maps = map_powers(maps, box)
+    _check_powers(lights, np.concatenate(powers), [world, *in_maps])
     mesh_strengths, mesh_power = triangle_strengths(triangles)
 
-    cumulative = np.cumsum(np.concatenate([*(s.max(axis=1) for s in sampled), [world.max()], mesh_strengths]))
+    shadows = zip(suns.largest_shadow, boxes, strict=True)
+    surroundings = [_strengths(sun_flux, shadow, lights, one) for shadow, one in shadows]
+    strengths = np.concatenate([*(s.max(axis=1) for s in sampled[:2]), *surroundings, mesh_strengths])
+    cumulative = np.cumsum(strengths)
     if not cumulative[-1] > 0.0:
         raise SceneError(
             f"scene '{scene.name}' has no light: add a light, a material that emits, or a world colour other than black"
@@ -127,7 +200,7 @@ def prepare_emission(scene: Scene, bounds_min: ArrayLike, bounds_max: ArrayLike)
     light_powers = np.concatenate([*powers, world[None]])
     largest = colors.max(axis=1, keepdims=True)
     return Emission(
-        power=light_powers.sum(axis=0) + mesh_power,
+        power=light_powers.sum(axis=0) + in_maps.sum(axis=0) + mesh_power,
         flux_scale=float(cumulative[-1]),
         emitters=Emitters(
             cumulative=cumulative,
@@ -135,25 +208,40 @@ def prepare_emission(scene: Scene, bounds_min: ArrayLike, bounds_max: ArrayLike)
             areas=areas,
             points=points,
             suns=suns,
+            maps=MapEmitters.of(maps, boxes),
             triangles=triangles,
             box=box,
+            boxes=Box.stacked(boxes),
+            guide=Guide.of([Leaves.whole()] * (len(boxes) * (len(suns.direction) + 1 + len(maps)))),
             patterns=PatternEmitters.of(lights),
         ),
+        strengths=strengths,
     )
 
 
-def _box(scene: Scene, bounds_min: ArrayLike, bounds_max: ArrayLike) -> Box:
-    """Return a box around geometry and grid."""
+def _boxes(scene: Scene, bounds_min: ArrayLike, bounds_max: ArrayLike) -> tuple[Box, ...]:
+    """Return a box around geometry and grid, and where the grid is much smaller others from there to its own box."""
     low, high = np.asarray(bounds_min, np.float64), np.asarray(bounds_max, np.float64)
+    grid = Box.around(low, high)
     if scene.geometry.triangle_count:
         scene_low, scene_high = scene.geometry.bounds()
         low, high = np.minimum(low, scene_low), np.maximum(high, scene_high)
-    return Box.around(low, high)
+    return Box.nested(Box.around(low, high), grid)
 
 
-def _check_powers(lights: Lights, powers: Float64, world: Float64) -> None:
+def _strengths(sun_flux: Float64, largest_shadow: Float64, lights: Lights, box: Box) -> Float64:
+    """Return what suns, the world and maps send into a box, (sources,) W, photons that miss it included."""
+    suns = (sun_flux * largest_shadow[:, None]).max(axis=1)
+    world = np.pi * float(lights.world.max()) * 2.0 * box.areas.sum()
+    return np.concatenate([suns, [world], map_strengths(lights.environment, box)])
+
+
+def _check_powers(lights: Lights, powers: Float64, surroundings: Sequence[Float64]) -> None:
     """Raise `SceneError` that names the first light whose power is not a number, or negative."""
-    for name, power in zip((*lights.names, None), (*powers, world), strict=True):
+    names = (*lights.names, *(None for _ in surroundings))
+    for name, power in zip(names, (*powers, *surroundings), strict=True):
         if not (np.isfinite(power) & (power >= 0.0)).all():
             subject = "the world" if name is None else f"light '{name}'"
             raise SceneError(f"{subject} has power {power} W: use finite, positive values")
+    if any((one.radiance < 0.0).any() for one in lights.environment):
+        raise SceneError("the world has negative radiance: use positive values")
