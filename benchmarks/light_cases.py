@@ -54,7 +54,7 @@ def light(
         if nodes is not None:
             set_light_nodes(data, nodes())
         add_object("Light", data, location=LOCATION, rotation_euler=ROTATION, scale=scale)
-        _plate(*((0.35, SHADING) if plate else (0.02, ASIDE)))
+        plate_at(*((0.35, SHADING) if plate else (0.02, ASIDE)))
 
     return build
 
@@ -64,17 +64,17 @@ def world(*, plate: bool = False) -> Callable[[], None]:
 
     def build() -> None:
         set_world("World", node("Background", Color=COLOR, Strength=0.7))
-        _plate(*((0.4, SHADING) if plate else (0.02, ASIDE)))
+        plate_at(*((0.4, SHADING) if plate else (0.02, ASIDE)))
 
     return build
 
 
 def emissive_mesh() -> None:
     """Make a tilted square that shines from both sides."""
-    _plate(0.4, LOCATION, EMISSIVE)
+    plate_at(0.4, LOCATION, EMISSIVE)
 
 
-def _plate(half: float, location: Vec3, radiance: Colour = BLACK) -> None:
+def plate_at(half: float, location: Vec3, radiance: Colour = BLACK) -> None:
     """Make a tilted square of black, or shining, material."""
     add_object("Plate", card_mesh(half, material("Plate", emission(radiance))), location=location, rotation_euler=TILT)
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Prove every light against Cycles: `python -m benchmarks.lights [--quick] [--seed N] [NAME …]`.
+"""Prove every light and world against Cycles: `python -m benchmarks.lights [--quick] [--seed N] [NAME …]`.
 
-Prints one line per light and exits with 1 if one fails. About ten minutes on two cores.
+Prints one line for each and exits with 1 if one fails. About ten minutes on two cores.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import bpy
 from .cell_tests import Verdict, compare_cells
 from .light_cases import CASES, LightCase
 from .proof import CELLS, Effort, ask_cycles, bake_scene
+from .world_cases import WORLD_CASES
 
 FALSE_ALARM = 1e-4
 """Chance that a light which is right fails, with a new seed."""
@@ -51,7 +52,7 @@ def main() -> int:
     print(f"{'light':36} cells  tests  bake / Cycles        largest z        p  verdict")
     failed = 0
     start = time.perf_counter()
-    for case in CASES:
+    for case in (*CASES, *WORLD_CASES):
         if arguments.names and not any(name in case.name for name in arguments.names):
             continue
         v = prove(case, effort, arguments.seed)

@@ -131,7 +131,7 @@ def _render(
         tempfile.TemporaryDirectory(prefix="ivg-") as folder,
         cycles_stage(scene, view_layer, samples=samples, bounces=bounces, seed=seed) as (stage, layer),
         changed(_output(stage, layer, Path(folder, "passes.exr"))),
-        _no_new_result(),
+        no_new_result(),
     ):
         try:
             bpy.ops.render.render(scene=stage.name, write_still=True)
@@ -157,7 +157,7 @@ def _output(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer, path: Path)
 
 
 @contextmanager
-def _no_new_result() -> Iterator[None]:
+def no_new_result() -> Iterator[None]:
     """Remove the image that shows the last render, unless there was one before."""
     had_result = _RESULT_IMAGE in bpy.data.images
     try:

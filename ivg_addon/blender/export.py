@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import closing
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import TypeVar
 
 import bpy
@@ -32,12 +32,13 @@ from .export_lights import export_lights
 from .export_materials import MaterialTable
 from .light_linking import LinkingReader
 from .light_nodes import NodeLight, light_node_steps
+from .world_map import WorldLight, world_steps
 
 Result = TypeVar("Result")
 Steps = Generator[Progress, None, Result]
 
-_READING, _PLACING = 0.4, 0.7
-"""Shares of the whole after which the scene is read, and its materials are evaluated."""
+_WORLD, _READING, _PLACING = 0.2, 0.4, 0.7
+"""Shares of the whole after which the world is evaluated, the scene read, and its materials are evaluated."""
 _MANY_COPIES = 4
 """From so many times the unique triangles on, a notice says that instances cost memory."""
 _WORKING_SPACE = "Linear Rec.709"
@@ -70,7 +71,7 @@ def export_steps(depsgraph: bpy.types.Depsgraph) -> Steps[Scene]:
 def export_render_steps(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> Steps[Scene]:
     """Return what a render of a view layer would show, in steps.
 
-    The first steps ask Cycles about lights whose nodes are no constants. The next evaluates the scene and
+    The first steps ask Cycles about lights, and a world, whose nodes are no constants. The next evaluates the scene and
     reads all of it, for nothing may change in between; Esc stops it. Then Cycles is asked for materials that are
     more than constants and images. The last steps no longer need Blender.
 
@@ -83,12 +84,16 @@ def export_render_steps(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer)
     MemoryLimitError
         When the geometry with all instances does not fit.
     """
+    name, identity, layer_name = scene.name, scene.session_uid, view_layer.name
     node_lights = yield from light_node_steps(scene, view_layer)
-    yield Progress("Evaluating the scene", 0.0)
-    name, identity = scene.name, scene.session_uid
+    scene = _find_scene(name, identity)
+    world = yield from _within(world_steps(scene, scene.view_layers[layer_name]), 0.0, _WORLD)
+    yield Progress("Evaluating the scene", _WORLD)
+    scene = _find_scene(name, identity)
+    view_layer = scene.view_layers[layer_name]
     evaluate = hasattr(scene, "cycles")
     reading = with_render_depsgraph(
-        scene, view_layer, lambda depsgraph, stop: _drain(_read_steps(depsgraph, evaluate, node_lights), stop)
+        scene, view_layer, lambda depsgraph, stop: _drain(_read_steps(depsgraph, evaluate, node_lights, world), stop)
     )
     yield Progress("Preparing materials", _READING)
     pending = tuple(reading.materials.unevaluated.values())
@@ -113,11 +118,15 @@ class _Reading:
     materials: MaterialTable
     lights: Lights
     light_rules: LightRules | None
+    world_seconds: float | None
     notices: tuple[Notice, ...]
 
 
 def _read_steps(
-    depsgraph: bpy.types.Depsgraph, evaluate: bool, node_lights: Mapping[str, NodeLight] | None = None
+    depsgraph: bpy.types.Depsgraph,
+    evaluate: bool,
+    node_lights: Mapping[str, NodeLight] | None = None,
+    world: WorldLight | None = None,
 ) -> Steps[_Reading]:
     """Read everything from an evaluated depsgraph, one object instance per step."""
     view_layer = depsgraph.view_layer_eval
@@ -126,9 +135,9 @@ def _read_steps(
     count = max(1, len(depsgraph.object_instances))
     for index, instance in enumerate(depsgraph.object_instances):
         geometry.add(instance)
-        yield Progress("Reading the scene", _READING * index / count)
+        yield Progress("Reading the scene", _WORLD + (_READING - _WORLD) * index / count)
     linking = LinkingReader()
-    lights, light_notices = export_lights(depsgraph, linking, node_lights)
+    lights, light_notices = export_lights(depsgraph, linking, node_lights, world)
     light_rules = linking.rules(geometry.objects, geometry.shadow_visible, depsgraph)
     return _Reading(
         meshes=geometry.meshes,
@@ -140,6 +149,7 @@ def _read_steps(
         materials=materials,
         lights=lights,
         light_rules=light_rules,
+        world_seconds=None if world is None else world.seconds,
         notices=merge(
             (
                 *_colour_notices(),
@@ -180,11 +190,12 @@ def _build_steps(reading: _Reading, name: str, evaluation: Evaluation | None) ->
 
 
 def _record(reading: _Reading, evaluation: Evaluation | None) -> SurfaceRecord:
-    """Return where materials came from."""
-    direct = reading.materials.read_directly
+    """Return where materials and world came from."""
+    record = SurfaceRecord(reading.materials.read_directly, world_seconds=reading.world_seconds)
     if evaluation is None:
-        return SurfaceRecord(direct)
-    return SurfaceRecord(direct, evaluation.evaluated, evaluation.recalled, evaluation.seconds)
+        return record
+    evaluated, recalled = evaluation.evaluated, evaluation.recalled
+    return replace(record, evaluated=evaluated, recalled=recalled, seconds=evaluation.seconds)
 
 
 def _within(steps: Steps[Result], low: float, high: float) -> Steps[Result]:

@@ -19,6 +19,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.environment import EnvironmentMap
 from ..core.lights import NO_LIMIT, NO_PATTERN, AreaLights, Lights, Pattern, PointLights, SunLights
 from ..core.report import Notice, merge
 from .emission_nodes import constant_emission
@@ -26,6 +27,7 @@ from .export_colours import ColourReader, Notes
 from .export_images import ImageTable
 from .light_linking import LinkingReader
 from .light_nodes import NodeLight, frame, half_angle, uses_nodes
+from .world_map import WorldLight, lights_diffuse
 
 Float64 = NDArray[np.float64]
 Kind = TypeVar("Kind", AreaLights, PointLights, SunLights)
@@ -44,6 +46,7 @@ def export_lights(
     depsgraph: bpy.types.Depsgraph,
     linking: LinkingReader | None = None,
     evaluated: Mapping[str, NodeLight] | None = None,
+    world: WorldLight | None = None,
 ) -> tuple[Lights, tuple[Notice, ...]]:
     """Return every light that a depsgraph shows, instances too, and the world.
 
@@ -56,6 +59,9 @@ def export_lights(
         Learns which lights may not light everything; its `rules` belong to the lights.
     evaluated
         What Cycles found of nodes that are no constants, by the names of their objects; see `light_nodes`.
+    world
+        What the world is where it is more than one colour; see `world_map`. Without it such a world lights nothing: a
+        render, which this may run inside of, is no place to start another.
     """
     linking = linking or LinkingReader()
     patterns: dict[int, Pattern] = {}
@@ -80,10 +86,11 @@ def export_lights(
             group = linking.group(light, shadows=light.data.use_shadow)
             rows[kind].append({"names": light.name, "group": group, "max_bounces": _limit(light.data), **row})
         notices.extend(notes.notices)
-    radiance, world_notices = _world(depsgraph)
+    radiance, environment, world_notices = _world(depsgraph, world)
     in_order = [row for kind in rows for row in rows[kind]]
     lights = Lights(
         world=radiance,
+        environment=environment,
         patterns=tuple(patterns.values()),
         group=np.array([row.pop("group") for row in in_order], dtype=np.int32),
         max_bounces=np.array([row.pop("max_bounces") for row in in_order], dtype=np.int32),
@@ -235,31 +242,45 @@ def _note_differences(light: bpy.types.Object, matrix: Float64, notes: Notes) ->
             notes.add("simplified", "its transform is sheared: apply it to its parents to be exact")
 
 
-def _world(depsgraph: bpy.types.Depsgraph) -> tuple[NDArray[np.float32], tuple[Notice, ...]]:
-    """Return the world's radiance, (3,); black where it is not the same from everywhere."""
+def _world(
+    depsgraph: bpy.types.Depsgraph, evaluated: WorldLight | None
+) -> tuple[NDArray[np.float32], tuple[EnvironmentMap, ...], tuple[Notice, ...]]:
+    """Return the world's radiance, (3,) if it is the same from everywhere, and else as maps."""
     black = np.zeros(3, dtype=np.float32)
     world = depsgraph.view_layer_eval.world_override or depsgraph.scene_eval.world
-    if world is None or not world.cycles_visibility.diffuse:
-        return black, ()
+    if world is None or not lights_diffuse(world):
+        return black, (), ()
     subject = f"world '{world.name}'"
     notes = Notes(subject)
     if world.node_tree is None:
         radiance = np.array(world.color, dtype=np.float64)
     else:
         radiance = constant_emission(world.node_tree, ColourReader(ImageTable(), notes))
+    if evaluated is not None:
+        left_out = (notice for notice in notes.notices if notice.kind == "left out")
+        return black, evaluated.maps, (*left_out, *evaluated.notices, *_world_differences(world, subject))
     for notice in notes.notices:
         if notice.kind == "simplified":
             # The reader's note says what it took a constant for; here no constant is taken.
             node = notice.message.rpartition("instead of ")[2]
-            return black, (Notice("left out", subject, f"lights nothing: of one colour it would, but it has {node}"),)
+            why = f"lights nothing: of one colour it would, but it has {node}, which only Cycles can evaluate"
+            return black, (), (Notice("left out", subject, why),)
     if not np.isfinite(radiance).all():
         notes.add("left out", "lights nothing: its colour is not a number")
-        return black, notes.notices
+        return black, (), notes.notices
     if (radiance < 0.0).any():
         notes.add("simplified", _NEGATIVE)
+    return np.maximum(radiance, 0.0).astype(np.float32), (), (*notes.notices, *_world_differences(world, subject))
+
+
+def _world_differences(world: bpy.types.World, subject: str) -> tuple[Notice, ...]:
+    """Say what Cycles would do otherwise with a world that is exported."""
+    notes = Notes(subject)
     if not getattr(world.cycles, "use_shadows", True):
         notes.add("simplified", _SHADOWLESS)
-    return np.maximum(radiance, 0.0).astype(np.float32), notes.notices
+    if world.cycles.max_bounces < _ALL_BOUNCES:
+        notes.add("simplified", f"lights every bounce, not only the first {world.cycles.max_bounces}")
+    return notes.notices
 
 
 def _unit(vector: Float64) -> Float64:

@@ -13,6 +13,7 @@ from ..core.grid import grid_bytes
 from ..core.report import Notice
 
 if TYPE_CHECKING:
+    from ..core.aim import Aim
     from ..core.bake import BakeResult, BakeStatistics
     from ..core.grid import IrradianceVectorGrid
     from ..core.scene import SurfaceRecord
@@ -104,11 +105,13 @@ def bake_rows(result: BakeResult, surfaces: SurfaceRecord, seconds: float, peak_
     return [
         *grid_rows(result.grid),
         ("Materials", _where_from(surfaces)),
+        *([("World", _what_it_took(surfaces.world_seconds))] if surfaces.world_seconds is not None else []),
         (
             "Photons",
             f"{count(done.photons_per_second)} a second, {done.rays / max(done.photons, 1):.2f} flights each",
         ),
         ("Light", _where_it_went(done)),
+        *([("Sky", _what_was_of_use(done.aim))] if done.aim is not None else []),
         (
             "Time",
             f"{duration(seconds)} on {done.threads} thread{'s' if done.threads > 1 else ''}: "
@@ -128,6 +131,11 @@ def _where_from(surfaces: SurfaceRecord) -> str:
     return ", ".join(parts)
 
 
+def _what_it_took(seconds: float) -> str:
+    """Return what evaluating the world took."""
+    return f"evaluated by Cycles in {duration(seconds)}" if seconds > 0.0 else "evaluated by Cycles before"
+
+
 def _where_it_went(statistics: BakeStatistics) -> str:
     """Return the lights' power and where it went, weighted by luminance."""
     ends = {
@@ -138,6 +146,12 @@ def _where_it_went(statistics: BakeStatistics) -> str:
     total = sum(ends.values()) or 1.0
     shares = (f"{watts / total:.1%} {end}" for end, watts in ends.items())
     return f"{_luminance(statistics.emitted):.4g} W emitted: {', '.join(shares)}"
+
+
+def _what_was_of_use(aim: Aim) -> str:
+    """Return how many photons of suns, world and environment reached the grid."""
+    text = f"{aim.useful:.1%} of the photons of sun and sky reach the grid"
+    return text if aim.gain == 1.0 else f"{text}, {aim.useful_without:.2%} would without aim"
 
 
 def table(rows: Iterable[Row], notices: Iterable[Notice] = ()) -> str:
