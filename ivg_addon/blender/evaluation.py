@@ -61,6 +61,16 @@ class Evaluation:
 
 
 @dataclass(frozen=True)
+class _Conditions:
+    """What counts of the scene: between steps it may move in memory."""
+
+    frame: int
+    subframe: float
+    threads_mode: str
+    threads: int
+
+
+@dataclass(frozen=True)
 class _Work:
     """One material that is to be evaluated."""
 
@@ -93,7 +103,8 @@ def evaluation_steps(
     plans: dict[int, Plan] = {}
     missing: list[_Work] = []
     notices: list[Notice] = []
-    frame = (scene.frame_current, scene.frame_subframe)
+    render = scene.render
+    conditions = _Conditions(scene.frame_current, scene.frame_subframe, render.threads_mode, render.threads)
     for entry in pending:
         yield Progress("Preparing materials", 0.2 * len(plans) / len(pending))
         plan = make_plan(entry.row, entry.tree.needs.placed, around.meshes, around.instances, size, len(pending))
@@ -108,7 +119,7 @@ def evaluation_steps(
             notices.append(Notice("warning", subject, "was removed while it was read: black"))
             continue
         arrays = stage_arrays(plan, entry.tree.needs, around)
-        key = content_key(_content(material, entry, arrays, frame))
+        key = content_key(_content(material, entry, arrays, conditions))
         kept = recall(key)
         if kept is not None:
             found[entry.row] = kept
@@ -120,7 +131,7 @@ def evaluation_steps(
         yield Progress(
             f"Evaluating materials with Cycles ({number + 1} of {len(batches)})", 0.2 + 0.8 * number / len(batches)
         )
-        for work, values in zip(batch, _bake(scene, batch), strict=True):
+        for work, values in zip(batch, _bake(batch, conditions), strict=True):
             found[work.pending.row] = values
             keep(work.key, values)
     names: dict[tuple[int, int | None, int], str] = {}
@@ -148,14 +159,14 @@ def _find(identity: int) -> bpy.types.Material | None:
 
 
 def _content(
-    material: bpy.types.Material, entry: Unevaluated, arrays: StageArrays, frame: tuple[int, float]
+    material: bpy.types.Material, entry: Unevaluated, arrays: StageArrays, conditions: _Conditions
 ) -> Iterator[bytes]:
     """Return all on which a material's values depend."""
     leaves = [(leaf.groups, leaf.node, leaf.socket, leaf.colour, leaf.side) for leaf in entry.tree.leaves]
     yield f"{_VERSION} {bpy.app.version} {leaves} {material.pass_index}".encode()
     tree = material.node_tree
     if entry.tree.needs.animated or tree.animation_data is not None:
-        yield f"frame {frame}".encode()
+        yield f"frame {conditions.frame} {conditions.subframe}".encode()
     yield from tree_content(tree)
     yield from arrays.content()
 
@@ -175,7 +186,7 @@ def _batches(missing: Sequence[_Work]) -> Iterator[list[_Work]]:
         yield batch
 
 
-def _bake(scene: bpy.types.Scene, batch: Sequence[_Work]) -> list[list[Float32]]:
+def _bake(batch: Sequence[_Work], conditions: _Conditions) -> list[list[Float32]]:
     """Return the values of each material's leaves, (k, 3) or (k, 1)."""
     if any(bpy.app.is_job_running(job) for job in ("RENDER", "OBJECT_BAKE")):
         raise SceneError("a render is running: wait until it is done, or cancel it")
@@ -184,13 +195,15 @@ def _bake(scene: bpy.types.Scene, batch: Sequence[_Work]) -> list[list[Float32]]
     ]
     with ExitStack() as stack:
         stage = stack.enter_context(removed(bpy.data.scenes, lambda: bpy.data.scenes.new("Stage")))
-        _set_up(stage, scene, sum(work.plan.atlas.width * work.plan.atlas.height for work in batch))
+        _set_up(stage, conditions, sum(work.plan.atlas.width * work.plan.atlas.height for work in batch))
         mesh = stack.enter_context(removed(bpy.data.meshes, lambda: make_mesh([work.arrays for work in batch])))
         shown = stack.enter_context(removed(bpy.data.objects, lambda: bpy.data.objects.new("Stage", mesh)))
         stage.collection.objects.link(shown)
         materials = []
         for work in batch:
             original = _find(work.pending.identity)
+            if original is None:
+                raise SceneError(f"material '{work.pending.name}' was removed while it was evaluated: bake again")
             size = (work.plan.atlas.width, work.plan.atlas.height)
             materials.append(StageMaterial(stack, original, work.pending.tree.leaves, size))
             mesh.materials.append(materials[-1].material)
@@ -208,16 +221,16 @@ def _bake(scene: bpy.types.Scene, batch: Sequence[_Work]) -> list[list[Float32]]
     return values
 
 
-def _set_up(stage: bpy.types.Scene, scene: bpy.types.Scene, texels: int) -> None:
+def _set_up(stage: bpy.types.Scene, conditions: _Conditions, texels: int) -> None:
     """Make a new scene bake as we need it, at the moment of another one."""
     # Assigned, not by frame_set: that would call other add-ons' handlers.
-    stage.frame_current, stage.frame_subframe = scene.frame_current, scene.frame_subframe
+    stage.frame_current, stage.frame_subframe = conditions.frame, conditions.subframe
     stage.render.engine = "CYCLES"
     stage.cycles.samples = max(_FEWEST_SAMPLES, min(_MOST_SAMPLES, _SAMPLES_IN_ALL // texels))
     stage.cycles.use_denoising = stage.cycles.use_adaptive_sampling = False
     stage.cycles.sample_clamp_direct = 0.0
     stage.cycles.use_light_tree = False
-    stage.render.threads_mode, stage.render.threads = scene.render.threads_mode, scene.render.threads
+    stage.render.threads_mode, stage.render.threads = conditions.threads_mode, conditions.threads
 
 
 def _bake_emission(stage: bpy.types.Scene, shown: bpy.types.Object) -> None:

@@ -12,6 +12,7 @@ import pytest
 
 from ivg_addon.blender import evaluation_cache
 from ivg_addon.blender.export import export_render_steps
+from ivg_addon.core.errors import SceneError
 from ivg_addon.core.scene import DIELECTRIC, GLASS, GLOSSY, NO_TEXTURE, SCHLICK, TRANSPARENT
 from tests.blender.evaluation_scenes import (
     WITHIN,
@@ -380,3 +381,12 @@ def test_hair_and_points_are_evaluated_too() -> None:
     values = exported(scene, "albedo")
     assert np.ptp(values[:, 0]) > 0.05
     assert values.min() > 0.0
+
+
+def test_a_material_that_is_removed_meanwhile_is_named() -> None:
+    show(diffuse(noise()))
+    steps = export_render_steps(bpy.context.scene, bpy.context.view_layer)
+    with pytest.raises(SceneError, match="material 'Tested' was removed"):
+        for step in steps:
+            if step.task.startswith("Evaluating materials"):
+                bpy.data.materials.remove(bpy.data.materials["Tested"])
