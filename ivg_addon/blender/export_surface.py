@@ -149,7 +149,9 @@ class _SurfaceReader:
         return (Closure("EMISSION", self._inputs(output, ("Color",), ("Strength",)), weight),)
 
     def _diffuse(self, output: Output, weight: tuple[Factor, ...]) -> tuple[Closure, ...]:
-        return (Closure("DIFFUSE", self._inputs(output, ("Color",), ("Roughness",)), weight),)
+        inputs = self._inputs(output, ("Color",), ("Roughness",))
+        self._note_rough(inputs["Roughness"])
+        return (Closure("DIFFUSE", inputs, weight),)
 
     def _as_diffuse(self, output: Output, weight: tuple[Factor, ...]) -> tuple[Closure, ...]:
         if output.node.type == "BSDF_TOON" and output.node.component != "DIFFUSE":
@@ -205,9 +207,19 @@ class _SurfaceReader:
                 self._omitted[words] = None
         if "Thin Wall" in output.node.inputs:  # from Blender 5.2 on
             inputs["Thin Wall"] = self._sockets.number(output.input("Thin Wall"))
+            if inputs["Thin Wall"] != (0.0,) and inputs["Transmission Weight"] != (0.0,):
+                self._omitted["blur in thin walls (taken as clear panes)"] = None
+        self._note_rough(inputs["Diffuse Roughness"])
+        if inputs["Coat Weight"] != (0.0,) and inputs["Emission Strength"] != (0.0,):
+            self._omitted["the directions of light through a coat (its mean taken)"] = None
         if inputs["Metallic"] != (0.0,) or inputs["Transmission Weight"] != (0.0,):
             self._turned(output)
         return (Closure("PRINCIPLED", inputs, weight, output.node.distribution == "MULTI_GGX"),)
+
+    def _note_rough(self, roughness: Value) -> None:
+        """Say that rough diffuse reflection is as bright as in Cycles, but is spread otherwise."""
+        if roughness != (0.0,):
+            self._omitted["the shape of rough diffuse reflection (a cosine of the same amount)"] = None
 
     def _turned(self, output: Output) -> None:
         """Say which properties of a glossy lobe are not taken into account."""

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -12,8 +13,9 @@ import pytest
 
 from ivg_addon.blender import evaluation_cache
 from ivg_addon.blender.export import export_render_steps
+from ivg_addon.core.checksum import checksum
 from ivg_addon.core.errors import SceneError
-from ivg_addon.core.scene import DIELECTRIC, GLASS, GLOSSY, NO_TEXTURE, SCHLICK, TRANSPARENT
+from ivg_addon.core.scene import DIELECTRIC, GLASS, GLOSSY, NO_TEXTURE, SCHLICK, TRANSPARENT, SurfaceRecord
 from tests.blender.evaluation_scenes import (
     WITHIN,
     cycles_on_triangles_of,
@@ -390,3 +392,11 @@ def test_a_material_that_is_removed_meanwhile_is_named() -> None:
         for step in steps:
             if step.task.startswith("Evaluating materials"):
                 bpy.data.materials.remove(bpy.data.materials["Tested"])
+
+
+def test_a_grid_fits_its_scene_whether_materials_were_evaluated_or_recalled() -> None:
+    show(diffuse(noise()))
+    first, again = evaluated_scene(), evaluated_scene()
+    assert first.surfaces != again.surfaces
+    light = [replace(scene, notices=(), surfaces=SurfaceRecord()) for scene in (first, again)]
+    assert checksum(light[0]) == checksum(light[1])
