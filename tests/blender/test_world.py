@@ -57,7 +57,7 @@ def test_world_shines_as_in_cycles(name: str) -> None:
     """Irradiance of 245 dual cells towards six axes; false alarms as stated in `benchmarks.lights`."""
     case = next(case for case in WORLD_CASES if name in case.name)
     verdict = prove(case, QUICK)
-    assert verdict.passed, verdict
+    assert verdict.p >= FALSE_ALARM, verdict
 
 
 def test_a_sun_turned_by_a_degree_fails(monkeypatch: pytest.MonkeyPatch) -> None:
