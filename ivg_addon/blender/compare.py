@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import os
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -162,9 +162,7 @@ def check_picture(output: Path) -> Path:
 
 def grid_notices(scene: Scene, grid: IrradianceVectorGrid) -> list[Notice]:
     """Warn where the grid cannot be expected to fit the scene."""
-    from ..core.checksum import checksum
-
-    if checksum(replace(scene, notices=())) == grid.record.checksum:
+    if scene.fingerprint() == grid.record.checksum:
         return []
     return [Notice("warning", "grid", "the scene is not as it was baked; bake it again to compare like with like")]
 

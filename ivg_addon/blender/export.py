@@ -7,7 +7,7 @@ world space of it. Closing the generators at any step leaves nothing behind in B
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, fields, replace
 from typing import TypeVar
@@ -15,6 +15,7 @@ from typing import TypeVar
 import bpy
 import numpy as np
 
+from ..core.doubled_faces import blackened, doubled_triangles
 from ..core.errors import Cancelled, SceneError
 from ..core.instancing import Flattened, Instances, MeshData, flatten_steps
 from ..core.light_rules import LightRules
@@ -22,7 +23,7 @@ from ..core.lights import Lights
 from ..core.memory import human
 from ..core.progress import Progress
 from ..core.report import Notice, merge
-from ..core.scene import Scene, SurfaceRecord
+from ..core.scene import Int32, Scene, SurfaceRecord
 from .evaluation import Evaluation, evaluation_steps
 from .evaluation_data import ObjectLook, SurfaceData
 from .evaluation_mesh import Surroundings
@@ -175,16 +176,25 @@ def _build_steps(reading: _Reading, name: str, evaluation: Evaluation | None) ->
     materials, textures, notices = reading.materials.finish({} if evaluation is None else evaluation.materials)
     if evaluation is not None:
         notices = (*notices, *evaluation.notices)
+    diffuse_visible = np.array(reading.diffuse_visible, dtype=np.bool_)
+    geometry = flattened.geometry
+    across, others = doubled_triangles(geometry, materials, diffuse_visible)
+    if len(across):
+        geometry, materials = blackened(geometry, materials, across)
+    doubles = (
+        *_doubled_notices(reading.objects, geometry.object[across], "black, as in Cycles"),
+        *_doubled_notices(reading.objects, geometry.object[others], "in Cycles they lose about half of their light"),
+    )
     return Scene(
         name=name,
-        geometry=flattened.geometry,
+        geometry=geometry,
         materials=materials,
         textures=textures,
         lights=reading.lights,
         objects=reading.objects,
-        diffuse_visible=np.array(reading.diffuse_visible, dtype=np.bool_),
+        diffuse_visible=diffuse_visible,
         light_rules=reading.light_rules,
-        notices=merge((*reading.notices, *notices, *_geometry_notices(reading, flattened))),
+        notices=merge((*reading.notices, *notices, *_geometry_notices(reading, flattened), *doubles)),
         surfaces=_record(reading, evaluation),
     )
 
@@ -244,6 +254,14 @@ def _world_notices(geometry: GeometryReader) -> Iterator[Notice]:
     for name, diffuse, shadow in zip(geometry.objects, geometry.diffuse_visible, geometry.shadow_visible, strict=True):
         if diffuse != shadow:
             yield Notice("simplified", f"object '{name}'", _WORLDS_SHADOW)
+
+
+def _doubled_notices(objects: Sequence[str], owners: Int32, fate: str) -> Iterator[Notice]:
+    """Say whose triangles lie exactly in others, and what becomes of them."""
+    for index, count in zip(*np.unique(owners, return_counts=True), strict=True):
+        triangles = "1 triangle lies" if count == 1 else f"{count:,} triangles lie"
+        message = f"{triangles} exactly in others, {fate}: merge by distance, or delete the duplicate"
+        yield Notice("warning", f"object '{objects[index]}'", message)
 
 
 def _colour_notices() -> Iterator[Notice]:

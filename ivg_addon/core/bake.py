@@ -13,7 +13,6 @@ from datetime import UTC, datetime
 import numpy as np
 
 from .aim import Aim, aim_steps
-from .checksum import checksum
 from .dual_cells import Lattice
 from .embree import Tracer
 from .emission import Emission, prepare_emission
@@ -25,7 +24,7 @@ from .photon_walk import Course, Walk, thread_count, walk_steps
 from .progress import Progress, Result, finish
 from .report import Notice, merge
 from .restricted_light import RestrictedLight
-from .scene import Float32, Scene, SurfaceRecord
+from .scene import Float32, Scene
 from .settings import BakeSettings, Estimator, Vec3
 from .surface_bins import PATCHES_PER_VOXEL, PHOTONS_PER_PATCH, SurfaceBins
 from .surfaces import Surfaces
@@ -229,7 +228,7 @@ def _record(scene: Scene, settings: BakeSettings, emission: Emission) -> BakeRec
     red, green, blue = (float(x) for x in emission.power)
     return BakeRecord(
         scene=scene.name,
-        checksum=checksum(replace(scene, notices=(), surfaces=SurfaceRecord())),
+        checksum=scene.fingerprint(),
         settings=settings,
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         version=VERSION,

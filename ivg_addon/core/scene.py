@@ -6,12 +6,13 @@ space. Arrays are C-contiguous; ``float32`` and ``int32`` unless said otherwise.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .checksum import checksum
 from .light_rules import LightRules
 from .lights import Lights
 from .report import Notice
@@ -236,3 +237,7 @@ class Scene:
     notices: tuple[Notice, ...] = field(default=())
     light_rules: LightRules | None = None
     surfaces: SurfaceRecord = field(default=SurfaceRecord())
+
+    def fingerprint(self) -> str:
+        """Return a checksum of all that light depends on: not of what was said of it, or how long it took to read."""
+        return checksum(replace(self, notices=(), surfaces=SurfaceRecord()))

@@ -195,8 +195,15 @@ def test_what_is_left_out_is_named(scene: bpy.types.Scene) -> None:
 
 def test_ray_visibility(scene: bpy.types.Scene) -> None:
     add_object("Plain", cube_mesh())
-    add_object("Unseen", cube_mesh(), visible_diffuse=False, visible_glossy=False, visible_transmission=False)
-    add_object("Shadowless", cube_mesh(), visible_shadow=False)
+    add_object(
+        "Unseen",
+        cube_mesh(),
+        location=(2, 0, 0),
+        visible_diffuse=False,
+        visible_glossy=False,
+        visible_transmission=False,
+    )
+    add_object("Shadowless", cube_mesh(), location=(4, 0, 0), visible_shadow=False)
     rays = ("camera", "diffuse", "glossy", "transmission", "volume_scatter", "shadow")
     add_object("Gone", cube_mesh(), **{f"visible_{ray}": False for ray in rays})
     exported = viewport_scene()

@@ -15,13 +15,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ivg_addon.core.bake import bake, bake_steps, memory_needed
-from ivg_addon.core.checksum import checksum
 from ivg_addon.core.errors import IvgError, MemoryLimitError, SceneError
 from ivg_addon.core.grid import grid_bytes
 from ivg_addon.core.lights import Lights
 from ivg_addon.core.progress import Progress, finish
 from ivg_addon.core.report import Notice
-from ivg_addon.core.scene import Scene
+from ivg_addon.core.scene import Scene, SurfaceRecord
 from ivg_addon.core.settings import BakeSettings, Estimator
 from ivg_addon.core.version import VERSION
 
@@ -45,7 +44,10 @@ def test_the_record_tells_how_the_grid_came_to_be() -> None:
     result = bake(of, SETTINGS)
     record = result.grid.record
     assert (record.scene, record.settings, record.version) == ("Test", SETTINGS, VERSION)
-    assert record.checksum == checksum(replace(of, notices=()))
+    assert record.checksum == of.fingerprint()
+    read = SurfaceRecord(evaluated=1, seconds=2.0)
+    read_otherwise = replace(of, notices=(Notice("warning", "a", "b"),), surfaces=read)
+    assert read_otherwise.fingerprint() == record.checksum
     assert abs((datetime.now(UTC) - datetime.fromisoformat(record.created)).total_seconds()) < 60
     np.testing.assert_allclose(record.emitted, (3, 2, 1), rtol=1e-6)
     assert result.notices[0] == of.notices[0]
