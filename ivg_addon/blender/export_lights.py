@@ -27,7 +27,7 @@ from .export_colours import ColourReader, Notes
 from .export_images import ImageTable
 from .light_linking import LinkingReader
 from .light_nodes import NodeLight, frame, half_angle, uses_nodes
-from .world_map import WorldLight, lights_diffuse
+from .world_map import WorldLight, lights_diffuse, world_of
 
 Float64 = NDArray[np.float64]
 Kind = TypeVar("Kind", AreaLights, PointLights, SunLights)
@@ -247,7 +247,7 @@ def _world(
 ) -> tuple[NDArray[np.float32], tuple[EnvironmentMap, ...], tuple[Notice, ...]]:
     """Return the world's radiance, (3,) if it is the same from everywhere, and else as maps."""
     black = np.zeros(3, dtype=np.float32)
-    world = depsgraph.view_layer_eval.world_override or depsgraph.scene_eval.world
+    world = world_of(depsgraph.scene_eval, depsgraph.view_layer_eval)
     if world is None or not lights_diffuse(world):
         return black, (), ()
     subject = f"world '{world.name}'"

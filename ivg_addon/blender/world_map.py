@@ -92,8 +92,8 @@ _known: OrderedDict[str, WorldLight] = OrderedDict()
 
 
 def world_of(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> bpy.types.World | None:
-    """Return the world that lights a view layer."""
-    return view_layer.world_override or scene.world
+    """Return the world that lights a view layer; None where its filter leaves the environment out."""
+    return (view_layer.world_override or scene.world) if view_layer.use_sky else None
 
 
 def lights_diffuse(world: bpy.types.World) -> bool:

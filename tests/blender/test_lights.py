@@ -352,6 +352,9 @@ def test_world_is_colour_times_strength() -> None:
     lights, notices = exported()
     np.testing.assert_array_equal(lights.world, [0, 0, 0])
     assert notices == ()
+    world.cycles_visibility.diffuse = True
+    bpy.context.view_layer.use_sky = False
+    np.testing.assert_array_equal(exported()[0].world, [0, 0, 0])
 
 
 def test_world_that_is_not_uniform_is_left_out_by_name() -> None:
