@@ -25,7 +25,13 @@ from ivg_addon.core.bake import bake
 from ivg_addon.core.grid import IrradianceVectorGrid
 from ivg_addon.core.metrics import Agreement, compare
 from ivg_addon.core.picture import LookUp
-from ivg_addon.core.sample_points import Places, find_light_steps, free_space_points, surface_points
+from ivg_addon.core.sample_points import (
+    Places,
+    clear_of_surfaces,
+    find_light_steps,
+    free_space_points,
+    surface_points,
+)
 from ivg_addon.core.scene import Scene
 from ivg_addon.core.settings import BakeSettings, Directional, Estimator
 
@@ -109,6 +115,11 @@ def at_points(name: str, arguments: argparse.Namespace) -> int:
         for (kind, places), asked in zip(kinds.items(), AT_POINTS[name], strict=True):
             found = agreement(grid, places, truths[kind], method.look_up)
             failed += line(f"{name}, {kind}: {method.name}", found, asked if method.judged else None)
+            if method.judged and kind == "free":
+                apart = clear_of_surfaces(scene, places.points, 0.5 * float(grid.lattice.voxel_size.min()))
+                known = Measured(truths[kind].irradiance[apart], truths[kind].error[apart])
+                found = agreement(grid, Places(places.points[apart], places.normals[apart]), known, method.look_up)
+                line(f"{name}, free, half a voxel off surfaces", found, None)
     return failed
 
 

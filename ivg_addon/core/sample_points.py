@@ -184,7 +184,7 @@ def _gather(
         identifiers = attempt * number + np.arange(number)
         good[good] = _lit(light.knowledge, places.points[good].astype(np.float32), identifiers[good], seed)
         centres, radius = ball(places)
-        good[good] = _clear(light.scene, centres[good], radius)
+        good[good] = clear_of_surfaces(light.scene, centres[good], radius)
         points = np.concatenate([points, places.points[good]])
         normals = np.concatenate([normals, places.normals[good]])
         if len(points) >= count:
@@ -219,8 +219,8 @@ def _lit(knowledge: LightKnowledge, points: Float32, identifiers: NDArray[np.int
     return np.asarray((lit > 0) & (unlit <= _MOST_UNLIT * lit))
 
 
-def _clear(scene: Scene, centres: Float64, radius: float) -> NDArray[np.bool_]:
-    """Tell which balls no triangle reaches into."""
+def clear_of_surfaces(scene: Scene, centres: Float64, radius: float) -> NDArray[np.bool_]:
+    """Tell which balls, centres (n, 3) metres, no triangle reaches into, (n,)."""
     clear = np.ones(len(centres), dtype=np.bool_)
     find_clear(scene.geometry.vertices, scene.geometry.triangles, centres, radius, clear)
     return clear
