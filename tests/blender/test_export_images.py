@@ -174,8 +174,8 @@ def test_node_without_image_is_magenta_as_in_cycles() -> None:
 def test_one_texture_for_all_that_read_it_alike() -> None:
     empty_scene()
     image = generated("opaque")
-    for interpolation in ("Linear", "Linear", "Closest"):
-        show(image, interpolation)
+    for height, interpolation in enumerate(("Linear", "Linear", "Closest")):
+        show(image, interpolation).location.z = height
     scene = viewport_scene()
     assert len(scene.textures) == 2
     assert sorted(scene.materials.texture) == [0, 0, 1]

@@ -40,7 +40,7 @@ NOT_NUMBERS = "has values that are not numbers: taken as 0"
 def test_no_material_is_cycles_default() -> None:
     """Cycles' default is a Principled BSDF, whose Color pass is as one of a material that was just made."""
     empty_scene()
-    bare, fresh = add_object("Bare", cube_mesh()), add_object("Fresh", cube_mesh())
+    bare, fresh = add_object("Bare", cube_mesh()), add_object("Fresh", cube_mesh(), location=(3, 0, 0))
     fresh.data.materials.append(bpy.data.materials.new("Fresh"))
     scene = viewport_scene()
     assert scene.materials.names == ("(none)", "Fresh")
@@ -235,7 +235,7 @@ def test_object_linked_slots_differ_between_objects_that_share_a_mesh() -> None:
     mesh = cube_mesh()
     mesh.materials.append(new_material("Red", diffuse(RED)))
     add_object("One", mesh)
-    two = add_object("Two", mesh)
+    two = add_object("Two", mesh, location=(3, 0, 0))
     two.material_slots[0].link = "OBJECT"
     two.material_slots[0].material = new_material("Blue", diffuse(BLUE))
     scene = viewport_scene()
