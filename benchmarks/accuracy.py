@@ -11,10 +11,8 @@ import argparse
 import sys
 import tempfile
 import time
-from collections.abc import Generator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TypeVar
 
 import bpy
 
@@ -25,6 +23,7 @@ from ivg_addon.core.bake import bake
 from ivg_addon.core.grid import IrradianceVectorGrid
 from ivg_addon.core.metrics import Agreement, compare
 from ivg_addon.core.picture import LookUp
+from ivg_addon.core.progress import finish
 from ivg_addon.core.sample_points import (
     Places,
     clear_of_surfaces,
@@ -34,8 +33,6 @@ from ivg_addon.core.sample_points import (
 )
 from ivg_addon.core.scene import Scene
 from ivg_addon.core.settings import BakeSettings, Directional, Estimator
-
-Result = TypeVar("Result")
 
 SCENES = Path(__file__).resolve().parent.parent / "sample_blend"
 ENERGY = 0.02
@@ -102,7 +99,7 @@ def at_points(name: str, arguments: argparse.Namespace) -> int:
     """Compare grids of 20³ voxels at random points of a scene; return how many numbers miss what is asked for."""
     scene = open_scene(name)
     box = bounds(scene)
-    light = drain(find_light_steps(scene, *box, arguments.seed))
+    light = finish(find_light_steps(scene, *box, arguments.seed))
     kinds = {
         "free": free_space_points(light, arguments.points, arguments.seed),
         "surfaces": surface_points(light, arguments.points, arguments.seed),
@@ -125,7 +122,7 @@ def at_points(name: str, arguments: argparse.Namespace) -> int:
 
 def truth_at(places: Places, arguments: argparse.Namespace) -> Measured:
     """Ask Cycles."""
-    return drain(
+    return finish(
         irradiance_steps(
             bpy.context.scene,
             places.points,
@@ -156,7 +153,7 @@ def in_picture(name: str, resolution: tuple[int, int, int], arguments: argparse.
         steps = compare_steps(
             bpy.context.scene, bpy.context.view_layer, grid, output, samples=arguments.picture_samples
         )
-        line(f"{name}, picture: {label}", drain(steps).agreement, None)
+        line(f"{name}, picture: {label}", finish(steps).agreement, None)
 
 
 def line(what: str, found: Agreement, asked: float | None) -> int:
@@ -174,22 +171,13 @@ def line(what: str, found: Agreement, asked: float | None) -> int:
 def open_scene(name: str) -> Scene:
     """Open a sample scene and export it."""
     bpy.ops.wm.open_mainfile(filepath=str(SCENES / f"{name}.blend"))
-    return drain(export_render_steps(bpy.context.scene, bpy.context.view_layer))
+    return finish(export_render_steps(bpy.context.scene, bpy.context.view_layer))
 
 
 def bounds(scene: Scene) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Return the box around a scene."""
     low, high = scene.geometry.bounds()
     return tuple(map(float, low)), tuple(map(float, high))
-
-
-def drain(steps: Generator[object, None, Result]) -> Result:
-    """Take all steps and return what they return."""
-    while True:
-        try:
-            next(steps)
-        except StopIteration as end:
-            return end.value
 
 
 if __name__ == "__main__":

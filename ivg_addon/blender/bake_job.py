@@ -18,12 +18,12 @@ from typing import TYPE_CHECKING
 import bpy
 
 from ..core.errors import GridFileError, SceneError
-from ..core.progress import Progress
+from ..core.progress import Progress, part
 from ..core.report import headline
 from . import outcome
 from .bake_request import BakeRequest, Overrides, read_request
 from .grid_store import compiled_code_folder, keep_compiled_code
-from .jobs import Job, PatientSteps, Runner, Steps, part
+from .jobs import Job, PatientSteps, Runner, Steps
 from .summary import bake_rows, count, duration, voxels
 
 if TYPE_CHECKING:

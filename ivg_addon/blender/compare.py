@@ -21,7 +21,7 @@ from ..core.errors import GridFileError, SceneError, SettingsError
 from ..core.false_color import difference_colors, local_mean, luminance, round_scale
 from ..core.metrics import Agreement
 from ..core.metrics import compare as agreement_of
-from ..core.progress import Progress
+from ..core.progress import Progress, part
 from ..core.report import Notice, merge
 from ..core.scene import Scene
 from .cycles_render import CyclesPicture, render_steps
@@ -29,7 +29,7 @@ from .display import display_pixels
 from .export import export_render_steps
 from .export_camera import export_camera, hidden_from_camera
 from .export_depsgraph import with_render_depsgraph
-from .jobs import PatientSteps, Runner, Steps, in_foreground, part
+from .jobs import PatientSteps, Runner, Steps, in_foreground
 from .montage import Panel, write_montage
 from .summary import Row, count, duration, voxels
 

@@ -9,12 +9,12 @@ import bpy
 
 from ..core.metrics import Agreement
 from ..core.metrics import compare as agreement_of
-from ..core.progress import Progress
+from ..core.progress import Progress, part
 from ..core.report import Notice, merge
 from .compare import grid_notices, rmse_words
 from .export import export_render_steps
 from .ground_truth import Measured, irradiance_steps
-from .jobs import PatientSteps, Runner, Steps, in_foreground, part
+from .jobs import PatientSteps, Runner, Steps, in_foreground
 from .summary import Row
 
 if TYPE_CHECKING:

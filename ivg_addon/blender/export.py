@@ -8,7 +8,6 @@ world space of it. Closing the generators at any step leaves nothing behind in B
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from contextlib import closing
 from dataclasses import dataclass, fields, replace
 from typing import TypeVar
 
@@ -21,7 +20,7 @@ from ..core.instancing import Flattened, Instances, MeshData, flatten_steps
 from ..core.light_rules import LightRules
 from ..core.lights import Lights
 from ..core.memory import human
-from ..core.progress import Progress
+from ..core.progress import Progress, part
 from ..core.report import Notice, merge
 from ..core.scene import Int32, Scene, SurfaceRecord
 from .evaluation import Evaluation, evaluation_steps
@@ -88,7 +87,7 @@ def export_render_steps(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer)
     name, identity, layer_name = scene.name, scene.session_uid, view_layer.name
     node_lights = yield from light_node_steps(scene, view_layer)
     scene = _find_scene(name, identity)
-    world = yield from _within(world_steps(scene, scene.view_layers[layer_name]), 0.0, _WORLD)
+    world = yield from part(world_steps(scene, scene.view_layers[layer_name]), 0.0, _WORLD)
     yield Progress("Evaluating the scene", _WORLD)
     scene = _find_scene(name, identity)
     view_layer = scene.view_layers[layer_name]
@@ -102,7 +101,7 @@ def export_render_steps(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer)
     if pending:
         around = Surroundings(reading.meshes, reading.instances, reading.data, reading.looks)
         steps = evaluation_steps(_find_scene(name, identity), pending, around)
-        evaluation = yield from _within(steps, _READING, _PLACING)
+        evaluation = yield from part(steps, _READING, _PLACING)
     return (yield from _build_steps(reading, name, evaluation))
 
 
@@ -166,7 +165,7 @@ def _read_steps(
 def _build_steps(reading: _Reading, name: str, evaluation: Evaluation | None) -> Steps[Scene]:
     """Make the scene of what was read and evaluated. Touches no Blender data."""
     instances = reading.instances if evaluation is None else evaluation.instances
-    flattened = yield from _within(flatten_steps(reading.meshes, instances), _PLACING, 1.0)
+    flattened = yield from part(flatten_steps(reading.meshes, instances), _PLACING, 1.0)
     if not flattened.geometry.triangle_count:
         bad = sum(flattened.dropped.values())
         raise SceneError(
@@ -206,18 +205,6 @@ def _record(reading: _Reading, evaluation: Evaluation | None) -> SurfaceRecord:
         return record
     evaluated, recalled = evaluation.evaluated, evaluation.recalled
     return replace(record, evaluated=evaluated, recalled=recalled, seconds=evaluation.seconds)
-
-
-def _within(steps: Steps[Result], low: float, high: float) -> Steps[Result]:
-    """Take all steps as the part from `low` to `high` of the whole."""
-    with closing(steps):
-        while True:
-            try:
-                step = next(steps)
-            except StopIteration as end:
-                result: Result = end.value
-                return result
-            yield Progress(step.task, low + (high - low) * step.fraction)
 
 
 def _find_scene(name: str, identity: int) -> bpy.types.Scene:

@@ -14,8 +14,6 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Generator
-from contextlib import closing
-from dataclasses import replace
 from typing import Protocol, TypeVar
 
 from ..core.errors import Cancelled
@@ -148,20 +146,6 @@ def in_background(steps: Steps[Result]) -> PatientSteps[Result]:
 def in_foreground(steps: Steps[Result]) -> PatientSteps[Result]:
     """Drain `steps` where they are; the counterpart of `in_background` for the blocking runner."""
     return (yield from steps)
-
-
-def part(steps: PatientSteps[Result], low: float, high: float) -> PatientSteps[Result]:
-    """Run `steps` as the part from `low` to `high` of the whole."""
-    with closing(steps):
-        while True:
-            try:
-                progress = next(steps)
-            except StopIteration as end:
-                return end.value
-            if progress is not None:
-                fraction = low + (high - low) * progress.fraction
-                progress = replace(progress, fraction=fraction)
-            yield progress
 
 
 def run_blocking(job: Job, show: Callable[[Progress], None], check: Callable[[], None] = lambda: None) -> None:

@@ -21,7 +21,7 @@ from .grid import BakeRecord, IrradianceVectorGrid, grid_bytes
 from .lit_volume import LightKnowledge, LitParts, lit_part_steps
 from .memory import require
 from .photon_walk import Course, Walk, thread_count, walk_steps
-from .progress import Progress, Result, finish
+from .progress import Progress, finish, part
 from .report import Notice, merge
 from .restricted_light import RestrictedLight
 from .scene import Float32, Scene
@@ -120,18 +120,18 @@ def bake_steps(scene: Scene, settings: BakeSettings) -> Generator[Progress, None
     course = prepare_course(scene, lattice, settings.photons)
     yield Progress("Compiling for this processor, once after installing", 0.0)
     _compile_kernels(scene, course, settings)
-    course, aim = yield from _scaled(aim_steps(course, lattice, settings), 0.0, 0.0)
+    course, aim = yield from part(aim_steps(course, lattice, settings), 0.0, 0.0)
     prepare_seconds = time.perf_counter() - start
 
     photon_share = 0.8 if _measures_lit_volume(settings) else 1.0
-    walk = yield from _scaled(walk_steps(course, lattice, settings), 0.0, photon_share)
+    walk = yield from part(walk_steps(course, lattice, settings), 0.0, photon_share)
     lit_start = time.perf_counter()
     vectors = walk.tally.vectors(course.emission.flux_scale / settings.photons)
     if _measures_lit_volume(settings):
         measured = lit_part_steps(
             _light_knowledge(scene, course, walk), lattice, settings.lit_points, settings.seed, settings.threads
         )
-        parts = yield from _scaled(measured, photon_share, 1.0)
+        parts = yield from part(measured, photon_share, 1.0)
     else:
         parts = LitParts.whole(lattice)
     vectors, validity = _normalise(vectors, parts.share)
@@ -202,17 +202,6 @@ def _compile_kernels(scene: Scene, course: Course, settings: BakeSettings) -> No
     walk = finish(walk_steps(course, lattice, tiny))
     if _measures_lit_volume(settings):
         finish(lit_part_steps(_light_knowledge(scene, course, walk), lattice, 1, 0, 1))
-
-
-def _scaled(steps: Generator[Progress, None, Result], low: float, high: float) -> Generator[Progress, None, Result]:
-    """Run one phase as the part from `low` to `high` of the whole."""
-    while True:
-        try:
-            progress = next(steps)
-        except StopIteration as end:
-            result: Result = end.value
-            return result
-        yield replace(progress, fraction=low + (high - low) * progress.fraction)
 
 
 def _normalise(vectors: np.ndarray, share: Float32) -> tuple[np.ndarray, Float32]:

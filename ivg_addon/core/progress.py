@@ -7,10 +7,12 @@ is cancelled by closing it. Whoever drives it decides how to show it and when to
 from __future__ import annotations
 
 from collections.abc import Generator
-from dataclasses import dataclass
+from contextlib import closing
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 Result = TypeVar("Result")
+Moment = TypeVar("Moment", "Progress", "Progress | None")
 
 
 @dataclass(frozen=True)
@@ -40,3 +42,17 @@ def finish(steps: Generator[Progress, None, Result]) -> Result:
         except StopIteration as end:
             result: Result = end.value
             return result
+
+
+def part(steps: Generator[Moment, None, Result], low: float, high: float) -> Generator[Moment, None, Result]:
+    """Run long work as the part from `low` to `high` of the whole; None, "nothing new", goes through as it is."""
+    with closing(steps):
+        while True:
+            try:
+                progress = next(steps)
+            except StopIteration as end:
+                result: Result = end.value
+                return result
+            if progress is not None:
+                progress = replace(progress, fraction=low + (high - low) * progress.fraction)
+            yield progress

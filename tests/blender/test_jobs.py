@@ -11,7 +11,7 @@ import pytest
 
 from ivg_addon.blender import jobs
 from ivg_addon.core.errors import Cancelled, SceneError
-from ivg_addon.core.progress import Progress
+from ivg_addon.core.progress import Progress, part
 
 PATIENCE = 5.0
 """Seconds after which something that must happen at once has not happened."""
@@ -153,7 +153,7 @@ def test_waiting_for_the_thread_does_not_use_up_a_tick() -> None:
 
 def test_part_scales_progress_and_closes() -> None:
     closed: list[str] = []
-    steps = jobs.part(counted(closed, steps=2), 0.5, 1.0)
+    steps = part(counted(closed, steps=2), 0.5, 1.0)
     assert [next(steps).fraction, next(steps).fraction] == [0.5, 0.75]  # type: ignore[union-attr]
     steps.close()
     assert closed == ["closed"]
