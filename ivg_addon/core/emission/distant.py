@@ -152,7 +152,7 @@ def emit_world(box_low, box_high, box_areas, box, xi_0, xi_1, xi_2, xi_3, xi_4):
     sign = 1.0 if xi_1 < 0.5 else -1.0
     # Half of a uniform number's range is a uniform number again.
     place = 2.0 * xi_1 if xi_1 < 0.5 else 2.0 * xi_1 - 1.0
-    ox, oy, oz = on_face(box_low, box_high, box, axis, sign, place, xi_2)
+    ox, oy, oz = _on_face(box_low, box_high, box, axis, sign, place, xi_2)
     dx, dy, dz = cosine_direction(
         sign if axis == 0 else 0.0,
         sign if axis == 1 else 0.0,
@@ -188,22 +188,38 @@ def emit_sun(suns, sun, box_low, box_high, box_areas, box, xi_0, xi_1, xi_2, xi_
     d0 = x * tx + y * bx + dz * ax
     d1 = x * ty + y * by + dz * ay
     d2 = x * tz + y * bz + dz * az
+    t = xi_2 * suns.largest_shadow[box, sun]
+    ox, oy, oz, enters = enter_box(box_low, box_high, box_areas, box, d0, d1, d2, t, xi_3, xi_4)
+    return ox, oy, oz, d0, d1, d2, enters
+
+
+@merged
+def enter_box(box_low, box_high, box_areas, box, d0, d1, d2, t, u, v):
+    """Return where a photon of direction d enters a box, three floats, and whether it does.
+
+    Parameters
+    ----------
+    t
+        Uniform between 0 and a bound of the shadow of the box along d, m²: it picks a face by its share of the shadow;
+        beyond the shadow the photon misses.
+    u, v
+        Uniform in (0, 1): the place on the face.
+    """
     shadow_0 = box_areas[box, 0] * abs(d0)
     shadow_1 = box_areas[box, 1] * abs(d1)
     shadow_2 = box_areas[box, 2] * abs(d2)
-    t = xi_2 * suns.largest_shadow[box, sun]
     if t < shadow_0:
         axis, sign = 0, math.copysign(1.0, d0)
     elif t < shadow_0 + shadow_1:
         axis, sign = 1, math.copysign(1.0, d1)
     else:
         axis, sign = 2, math.copysign(1.0, d2)
-    ox, oy, oz = on_face(box_low, box_high, box, axis, sign, xi_3, xi_4)
-    return ox, oy, oz, d0, d1, d2, t < shadow_0 + shadow_1 + shadow_2
+    x, y, z = _on_face(box_low, box_high, box, axis, sign, u, v)
+    return x, y, z, t < shadow_0 + shadow_1 + shadow_2
 
 
 @merged
-def on_face(low, high, box, axis, sign, u, v):
+def _on_face(low, high, box, axis, sign, u, v):
     """Return the point (u, v) of a box's face across `axis` through which `sign` points inwards."""
     entry = 0.0 if sign > 0.0 else 1.0
     x = entry if axis == 0 else u

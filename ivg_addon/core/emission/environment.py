@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 from ..compiled import merged
 from ..environment import EnvironmentMap, Float32
 from ..vectors import sine_and_cosine
-from .distant import Box, on_face
+from .distant import Box, enter_box
+from .search import first_above
 
 Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]
@@ -226,34 +227,19 @@ def emit_map(
     # Light flies against the direction that it comes from.
     d0, d1, d2 = -cos_b * cosine, cos_b * sine, -sin_b
 
-    shadow_0 = box_areas[box, 0] * abs(d0)
-    shadow_1 = box_areas[box, 1] * abs(d1)
-    shadow_2 = box_areas[box, 2] * abs(d2)
     largest = math.sqrt(box_areas[box, 0] ** 2 + box_areas[box, 1] ** 2 + box_areas[box, 2] ** 2)
     bound = 0.0
     for axis in range(3):
         bound += box_areas[box, axis] * row_bounds[row, axis] * column_bounds[column, axis]
     t = xi_2 * min(bound, largest)
-    if t < shadow_0:
-        axis, sign = 0, math.copysign(1.0, d0)
-    elif t < shadow_0 + shadow_1:
-        axis, sign = 1, math.copysign(1.0, d1)
-    else:
-        axis, sign = 2, math.copysign(1.0, d2)
-    ox, oy, oz = on_face(box_low, box_high, box, axis, sign, xi_3, xi_4)
-    return ox, oy, oz, d0, d1, d2, t < shadow_0 + shadow_1 + shadow_2, texel
+    ox, oy, oz, enters = enter_box(box_low, box_high, box_areas, box, d0, d1, d2, t, xi_3, xi_4)
+    return ox, oy, oz, d0, d1, d2, enters, texel
 
 
 @merged
 def _invert(sums, first, end, x):
     """Return the first index in first … end − 1 whose sum exceeds x, and where in its step x lies, 0 to 1."""
-    low, high = first, end - 1
-    while low < high:
-        middle = (low + high) // 2
-        if sums[middle] > x:
-            high = middle
-        else:
-            low = middle + 1
-    below = sums[low - 1] if low > first else 0.0
-    step = sums[low] - below
-    return low, min(max((x - below) / step, 0.0), 1.0) if step > 0.0 else 0.5
+    index = first_above(sums, first, end - 1, x)
+    below = sums[index - 1] if index > first else 0.0
+    step = sums[index] - below
+    return index, min(max((x - below) / step, 0.0), 1.0) if step > 0.0 else 0.5

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiled import merged
+from .search import first_above
 
 Float64 = NDArray[np.float64]
 
@@ -107,11 +108,4 @@ class Guide(NamedTuple):
 @merged
 def pick_leaf(first_leaf, sums, guided, xi):
     """Return the leaf that a uniform number falls on."""
-    low, high = first_leaf[guided], first_leaf[guided + 1] - 1
-    while low < high:
-        middle = (low + high) // 2
-        if sums[middle] > xi:
-            high = middle
-        else:
-            low = middle + 1
-    return low
+    return first_above(sums, first_leaf[guided], first_leaf[guided + 1] - 1, xi)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ..compiled import merged
 from ..lights import NO_PATTERN, Lights, Pattern
 from ..scene import Float32, Int32
+from .search import first_above
 
 Float64 = NDArray[np.float64]
 
@@ -129,11 +130,4 @@ def _inside(rows: int, columns: int) -> Float64:
 @merged
 def pick_texel(first, sums, pattern, xi):
     """Return the texel, counted through all patterns, that a number uniform in (0, 1) falls on."""
-    low, high = first[pattern], first[pattern + 1] - 1
-    while low < high:
-        middle = (low + high) // 2
-        if sums[middle] > xi:
-            high = middle
-        else:
-            low = middle + 1
-    return low
+    return first_above(sums, first[pattern], first[pattern + 1] - 1, xi)

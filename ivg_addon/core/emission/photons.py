@@ -19,6 +19,7 @@ from .environment import MapEmitters, emit_map
 from .guide import Guide, pick_leaf
 from .patterns import PatternEmitters, pick_texel
 from .points import PointEmitters, emit_patterned_point, emit_point
+from .search import first_above
 from .triangles import TriangleEmitters, emit_triangle, texture_of_emission
 
 _OUTWARDS = 1.0 / math.sqrt(3.0)
@@ -291,14 +292,7 @@ def pick(cumulative, coarse, fine):
     """
     total = cumulative[-1]
     x = min((coarse + (fine - 0.5) / 4294967296.0) * total, np.nextafter(total, 0.0))
-    low, high = 0, len(cumulative) - 1
-    while low < high:
-        middle = (low + high) // 2
-        if cumulative[middle] > x:
-            high = middle
-        else:
-            low = middle + 1
-    return low
+    return first_above(cumulative, 0, len(cumulative) - 1, x)
 
 
 @merged
