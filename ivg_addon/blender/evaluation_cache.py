@@ -122,6 +122,8 @@ def _settings(struct: bpy.types.bpy_struct) -> Iterable[bytes]:
                 yield from tree_content(value)
             case bpy.types.Object():
                 yield f"{name} {value.name_full} {_plain(value.matrix_world)}".encode()
+            case bpy.types.Text():
+                yield f"{name} {value.as_string()}".encode()
             case bpy.types.ID():
                 yield f"{name} {value.name_full}".encode()
             case bpy.types.ColorRamp():
