@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """How close grids come to Cycles: `python -m benchmarks.accuracy [--points N] [--pictures FOLDER] [PART …]`.
 
 Prints one line per grid and kind of place, with what is asked for at least, and exits with 1 if something is not

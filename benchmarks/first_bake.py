@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Measure how long the first bake takes to compile: `python -m benchmarks.first_bake [--times N]`.
 
 From the start of a bake until its first photon has flown, in new processes: with an empty folder for compiled code, as

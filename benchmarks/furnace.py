@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Bake a furnace: `python -m benchmarks.furnace [--photons N] [--bakes N]`.
 
 A closed box whose walls all have one albedo ρ and one emission L: the indirect light inside is uniform, and every point

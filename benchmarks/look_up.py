@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Measure how fast a grid is looked up: `python -m benchmarks.look_up [--points N] [--rounds N]`.
 
 A grid of the Cornell box, 20 × 22 × 20 voxels, at random points with random normals, in calls of a million points.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Measure how memory grows with the photons: `python -m benchmarks.memory [--scale S]`.
 
 Bakes the Cornell box with 8 and with 80 million photons, each in a process of its own that has only the core loaded,

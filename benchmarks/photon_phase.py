@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Measure the photon phase against Embree alone: `python -m benchmarks.photon_phase [--photons N] [--rounds N]`.
 
 The Cornell box with a grid of 20 × 22 × 20 voxels. Rounds of one and of two threads take turns, so that whatever else

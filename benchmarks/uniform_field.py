@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Measure what estimators and look-ups make of a uniform field: `python -m benchmarks.uniform_field [--photons N]`.
 
 Straight lines of an isotropic field of radiance 1 fly through a lattice; E should be π for every normal. Numbers are in

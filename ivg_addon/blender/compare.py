@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """The camera's view by the grid and by Cycles, beside each other: a picture and numbers.
 
 What is compared is diffusely reflected indirect light as it reaches the camera, ρ E/π: the product of Cycles' passes

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """A grid against Cycles at random points: in free space, where things move, and on the surfaces themselves."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """The camera's view by Cycles: diffuse indirect light and its colour, with the noise that is left in them."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """A stage on which Cycles is asked for the truth: the user's scene with its own settings put aside.
 
 The stage is a copy of the scene that shares all its contents, so the user's settings, selection and mode are never

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Light as the scene's colour management shows it."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """What the shader nodes of a light or a world emit, as a constant."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """A Blender camera, as core's camera rays need it."""
 
 from __future__ import annotations

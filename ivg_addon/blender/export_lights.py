@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """From light datablocks and the world to `core.lights.Lights`.
 
 The conversions are those of Cycles (src/scene/light.cpp), so that what leaves here has no notion of

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """The truth about irradiance: Cycles, asked at any points and normals.
 
 A small white quad stands at each point and faces along the normal; Cycles bakes the diffuse light that arrives at it.

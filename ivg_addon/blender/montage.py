@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Pictures side by side, with captions: what a comparison leaves to be looked at."""
 
 from __future__ import annotations

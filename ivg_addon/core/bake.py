@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Scene in, grid out: the bake, step by step.
 
 emission → photon walk → tally → vectors per dual cell → lit parts → grid

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """A camera, and how its pixels gather what it sees. Needs neither Blender nor Numba."""
 
 from __future__ import annotations

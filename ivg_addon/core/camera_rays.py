@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Camera rays: where each sample of each pixel looks, as Cycles would send it."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """A fingerprint of what was baked, to tell a stale grid from a fresh one."""
 
 from __future__ import annotations

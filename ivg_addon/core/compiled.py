@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """The one place where Numba is configured: how kernels are compiled and where they are kept.
 
 Every kernel of this package is compiled by `kernel`, so that they agree on semantics: no fast

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """The grid's lattice: vertices, voxels, and the dual cells around the vertices.
 
 A dual cell is the box of one voxel's size centred at a vertex, cut at the grid's bounds: half of

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Ray casting: the only file that knows Embree."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """What can go wrong, as types.
 
 Every message is one line that names the thing that is wrong and what would cure it: it is shown

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """OpenEXR files of named float channels: the only file that knows the OpenEXR library.
 
 Blender hands out the pixels of a render's passes only as a layered file, and its own reader gives Python no pixels of

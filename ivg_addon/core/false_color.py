@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Signed differences as colours: what is too bright glows orange, what is too dark blue."""
 
 from __future__ import annotations

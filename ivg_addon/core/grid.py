@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """The irradiance vector grid: the result of a bake, and how it is looked up."""
 
 from __future__ import annotations

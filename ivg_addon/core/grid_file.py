@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """The grid's file: `.ivg.npz`, described in docs/file-format.md.
 
 A zip archive of numpy arrays without pickles: `vectors`, `validity`, `lit_weights` and `header`, a JSON text with the

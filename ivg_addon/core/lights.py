@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Every light datablock of a scene and its world, as plain arrays.
 
 The quantities are those that Cycles' light kernels end up with, so that nothing here depends on

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Which part of each dual cell light can reach.
 
 A cell that a wall or a solid cuts averages where no light is. Its tally is therefore divided by

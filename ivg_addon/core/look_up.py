@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Looking the grid up: spatial interpolation of the vectors, then the directional reconstruction.
 
 Both are linear, so the vectors around a point are blended first (54 numbers, one after the other

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """How much memory there is, and a clear refusal before more is asked for."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """How far an estimate is from the truth, in two numbers, and how well the truth itself is known."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Photons from the lights through the scene: batches, threads, and what they leave behind.
 
 A batch of photons flies as a wavefront: emit, then {intersect, tally, scatter} until none is left.

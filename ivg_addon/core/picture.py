@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """A picture of the scene, lit by the grid alone: what Cycles' diffuse indirect light is held against."""
 
 from __future__ import annotations

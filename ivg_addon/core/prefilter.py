@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """From means over dual cells to the numbers that are interpolated.
 
 A vertex c stores m_c, the mean of the light over the lit part of its dual cell. Look-ups interpolate, and the

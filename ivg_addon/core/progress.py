@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """What a long computation tells while it runs.
 
 Long work is a generator: it yields a `Progress` after every small step, returns its result, and

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """From six vectors to the irradiance of any normal: the directional reconstruction.
 
 Irradiance is linear in the six vectors, E(n) = Σ_δ Σ_j c_δj(n) I_δj, so a reconstruction is its 18

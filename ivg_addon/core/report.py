@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """What a bake simplified, left out or wondered about: said once, by name, never silently."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Random places at which to ask how well a grid knows the light: in free space and on surfaces.
 
 A place counts if light reaches it. What light reaches is found as the bake finds it (`lit_volume.py`): a few photons

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """A photon meets a surface: diffuse reflection and Russian roulette.
 
 What else a surface may do is left to `lobe_scattering`.

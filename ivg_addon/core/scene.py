@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """The scene as arrays: what the photon walk needs, and nothing of Blender.
 
 Lengths are metres, powers watts, colours linear RGB (Cycles' scene-linear), positions in world

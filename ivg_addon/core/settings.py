@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """The settings of a bake, with their limits checked in one place."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Where photons landed: counts per side of small patches of the surfaces.
 
 The lit-volume estimate asks whether a side of a surface received light. A triangle may be much

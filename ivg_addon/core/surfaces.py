@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """The scene's surfaces as kernels see them: arrays in a row, and what is asked of them at a hit."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Photons in flight become sums: the three estimators of docs/method.md.
 
 Sums are fixed-point integers: integer addition is associative, so any number of threads and any

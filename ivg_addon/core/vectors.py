@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Small vector algebra shared by the kernels: frames, directions, ray offsets."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Small scenes that Cycles renders, and what must be as it was after somebody else rendered them."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """The grid's picture and Cycles' show the same view, and a comparison leaves files, numbers and the user's scene."""
 
 from __future__ import annotations

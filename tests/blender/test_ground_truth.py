@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Cycles measures irradiance rightly, and leaves the user's file as it was."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Lights leave Blender with Cycles' numbers, and light the grid as Cycles would."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Integrals over convex bodies, exactly: the closed forms that lit volumes and weights are compared with."""
 
 from __future__ import annotations

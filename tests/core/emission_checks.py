@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """What the tests of emission share: scenes made of arrays, photons, and the two statistical tests."""
 
 from __future__ import annotations

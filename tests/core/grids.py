@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Grids made by hand: of a function of position, lit where they are told."""
 
 from __future__ import annotations

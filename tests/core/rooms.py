@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Scenes made by hand: boxes, spheres and quads, each an object of its own, and lights whose photons are known."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """The bake from scene to grid: what it returns, what it refuses, and that no scene, however odd, breaks it."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Cameras send each sample of a pixel where Cycles would; `tests/blender/test_compare.py` asks Cycles itself."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """The fingerprint of what was baked: the same for equal content, another for any change."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """The lattice: dual cells fill the box, their faces fill its cross-sections."""
 
 from __future__ import annotations

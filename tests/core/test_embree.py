@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Ray casting: hits are where they should be, in the indices of the whole geometry."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """All emitters together: who is picked, what a photon carries, and that it depends on its index alone."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Area lights: where photons start, where they go, and how much light arrives."""
 
 from __future__ import annotations

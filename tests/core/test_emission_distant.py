@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Suns and the world: what enters the box around the scene."""
 
 from __future__ import annotations

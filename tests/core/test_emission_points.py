@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Points, spheres, soft falloff and spots: directions, starting places, power, and light received."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Emissive triangles: both sides, by area and strength, clear of their own surface."""
 
 from __future__ import annotations

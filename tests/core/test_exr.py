@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Layered images keep every bit on their way to a file and back."""
 
 from __future__ import annotations

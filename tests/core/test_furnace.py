@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Closed rooms of one albedo ρ and one emission L everywhere: the light inside is uniform, L Σ ρ^k over the bounces k.
 
 Their walls shine to both sides, so half of the photons leave at once; solids inside are furnaces of their own, with the

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """The grid's file: what is written comes back to the bit, and whatever else lies there is one clear error."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """The lit share of dual cells, against exact volumes of rooms that are not aligned with the grid."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Means of trilinear weights over the lit parts of dual cells, against exact integrals over clipped cells."""
 
 from __future__ import annotations

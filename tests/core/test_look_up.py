@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Interpolation in space: what it reproduces, what it leaves out, and that nothing depends on how it is asked."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """The two numbers of every comparison, and the noise that is taken out of them."""
 
 from __future__ import annotations

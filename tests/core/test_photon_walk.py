@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """The walk as a whole: the same bits however it is divided, books that balance, and an end when it is told to stop."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Pictures shaded from grids whose light is known in closed form."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Deconvolution: uniform fields stay, smoothing is taken back by the share that its transfer function has."""
 
 from __future__ import annotations

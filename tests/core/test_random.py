@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Philox against its published vectors, and the numbers made of it against the uniform distribution."""
 
 from __future__ import annotations

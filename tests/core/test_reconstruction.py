@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """The directional reconstruction against the least-squares problem it solves, and its symmetries."""
 
 from __future__ import annotations

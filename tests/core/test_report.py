@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Notices: said once, counted in one line."""
 
 from __future__ import annotations

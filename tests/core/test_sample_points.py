@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Random places lie where light is, evenly, and keep away from surfaces."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """A photon meets a surface: where it goes, what it carries on, and that no energy is lost in the books."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """The limits of a bake's settings: each error names the setting and what would be right."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Patches of surface: every point of every triangle has one, of about the size that was asked for."""
 
 from __future__ import annotations

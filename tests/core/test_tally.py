@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """The three estimators: against brute force, against closed forms of a uniform field, and their fixed-point sums."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Frames, directions and ray offsets."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Rooms that are not aligned with the grid, and what a photon walk would know about them."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """The statistical tests that the tests share, each with its false-alarm rate.
 
 A statistic is computed from independent batches, so that its standard error is measured and not assumed. Many

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Where photons come from: every emitter of a scene, picked in proportion to its power."""
 
 from .photons import leave_darkness

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Photons from area lights: rectangles and ellipses, with Cycles' spread.
 
 The radiance at an angle θ to the light's normal is that of a soft box whose grid of slats hides

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Photons from infinitely far away: suns and a world of one colour.
 
 All that matters of such light is what enters a box around the scene. From a uniform radiance L a

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """The kernels that emit photons."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """Photons from points, spheres and spots.
 
 Light leaves along lines of direction d that pass the centre at a distance b < r, uniform over

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
 """From a scene's emitters to photons.
 
 A photon picks the emitter e with probability s_e / Σ s, s_e the largest channel of its power, and
