@@ -21,11 +21,13 @@ from .errors import SceneError
 from .grid import BakeRecord, IrradianceVectorGrid, grid_bytes
 from .lit_volume import LightKnowledge, LitParts, lit_part_steps
 from .memory import require
-from .photon_walk import Course, Walk, thread_count, walk_steps
+from .partitioning import partition_steps
+from .partitions import Partitions
+from .photon_walk import BATCH, Course, Walk, Walkers, thread_count, walk_steps
 from .progress import Progress, finish, part
 from .report import Notice, merge
 from .restricted_light import RestrictedLight
-from .scene import Float32, Scene
+from .scene import Float32, Int32, Scene
 from .settings import BakeSettings, Estimator, Vec3
 from .surface_bins import PATCHES_PER_VOXEL, PHOTONS_PER_PATCH, SurfaceBins
 from .surfaces import Surfaces
@@ -125,12 +127,33 @@ def bake_steps(scene: Scene, settings: BakeSettings) -> Generator[Progress, None
     prepare_seconds = time.perf_counter() - start
 
     photon_share = 0.8 if _measures_lit_volume(settings) else 1.0
-    walk = yield from part(walk_steps(course, lattice, settings), 0.0, photon_share)
-    lit_start = time.perf_counter()
+    walkers = Walkers(course, lattice, settings)
+    partitions = Partitions.none(lattice.vertex_count)
+    sides_seconds = 0.0
+    scouts = 0
+    if _measures_lit_volume(settings):
+        scouts = _scouts(settings.photons)
+        yield from part(walkers.fly_steps(0, scouts), 0.0, photon_share)
+        sides_start = time.perf_counter()
+        knowledge = _light_knowledge(scene, course, walkers.bin_counts())
+        share = photon_share * scouts / settings.photons
+        partitions = yield from part(partition_steps(knowledge, lattice, settings.seed, settings.threads), share, share)
+        sides_seconds = time.perf_counter() - sides_start
+        walkers.divide(partitions)
+    yield from part(walkers.fly_steps(scouts, settings.photons), 0.0, photon_share)
+    walk = walkers.walk()
+    lit_start = time.perf_counter() - sides_seconds
     vectors = walk.tally.vectors(course.emission.flux_scale / settings.photons)
+    # These have not counted the scouts.
+    vectors[partitions.divided.reshape(lattice.shape)] *= settings.photons / (settings.photons - scouts)
     if _measures_lit_volume(settings):
         measured = lit_part_steps(
-            _light_knowledge(scene, course, walk), lattice, settings.lit_points, settings.seed, settings.threads
+            _light_knowledge(scene, course, walk.bin_counts),
+            lattice,
+            partitions,
+            settings.lit_points,
+            settings.seed,
+            settings.threads,
         )
         parts = yield from part(measured, photon_share, 1.0)
     else:
@@ -140,6 +163,7 @@ def bake_steps(scene: Scene, settings: BakeSettings) -> Generator[Progress, None
         vectors=vectors.astype(np.float32),
         validity=validity,
         lit_weights=parts.weights,
+        partitions=partitions,
         lattice=lattice,
         record=_record(scene, settings, course.emission),
     )
@@ -185,13 +209,18 @@ def prepare_course(scene: Scene, lattice: Lattice, photons: int) -> Course:
     return Course(emission, first, later, Surfaces.of(scene, bins), bins, RestrictedLight.of(scene, emission))
 
 
-def _light_knowledge(scene: Scene, course: Course, walk: Walk) -> LightKnowledge:
-    """Gather what the photon walk found out about the surfaces."""
+def _scouts(photons: int) -> int:
+    """Return how many photons fly before thin walls are looked for; vertices beside these do not count them."""
+    return min(max(photons // 4, BATCH), photons // 2)
+
+
+def _light_knowledge(scene: Scene, course: Course, bin_counts: Int32) -> LightKnowledge:
+    """Gather what the photons found out about the surfaces."""
     return LightKnowledge(
         geometry=scene.geometry,
         tracer=course.later,
         bins=course.bins,
-        bin_counts=walk.bin_counts,
+        bin_counts=bin_counts,
         world_shines=scene.lights.world_shines,
     )
 
@@ -202,7 +231,9 @@ def _compile_kernels(scene: Scene, course: Course, settings: BakeSettings) -> No
     lattice = _lattice(tiny)
     walk = finish(walk_steps(course, lattice, tiny))
     if _measures_lit_volume(settings):
-        finish(lit_part_steps(_light_knowledge(scene, course, walk), lattice, 1, 0, 1))
+        knowledge = _light_knowledge(scene, course, walk.bin_counts)
+        partitions = finish(partition_steps(knowledge, lattice, 0, 1))
+        finish(lit_part_steps(knowledge, lattice, partitions, 1, 0, 1))
 
 
 def _normalise(vectors: np.ndarray, share: Float32) -> tuple[np.ndarray, Float32]:

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .dual_cells import Lattice
 from .errors import SettingsError
+from .partitions import Partitions
 from .settings import BakeSettings, Directional, Spatial, Vec3
 
 DEFAULT_NORMAL_BIAS = 0.25
@@ -58,11 +59,12 @@ class _InterpolatedVectors(dict[Spatial, NDArray[np.float32]]):
     def __init__(self, grid: IrradianceVectorGrid) -> None:
         super().__init__()
         self._arrays = grid.vectors, grid.validity, grid.lit_weights
+        self._divided = grid.partitions.divided.reshape(grid.lattice.shape)
 
     def __missing__(self, spatial: Spatial) -> NDArray[np.float32]:
         from .prefilter import deconvolved
 
-        self[spatial] = deconvolved(*self._arrays, spatial)
+        self[spatial] = deconvolved(*self._arrays, spatial, self._divided)
         return self[spatial]
 
 
@@ -80,6 +82,8 @@ class IrradianceVectorGrid:
     lit_weights : (Ni+1, Nj+1, Nk+1, 3, 3, 3) float16
         Means over the lit part of each dual cell of the trilinear weights of the vertices around: entry (a, b, c) is
         that of the vertex (i + a − 1, j + b − 1, k + c − 1). Look-ups take back with them what averaging smoothed.
+    partitions
+        Which side of thin walls vertices speak for.
     lattice
         Bounds and resolution.
     record
@@ -89,6 +93,7 @@ class IrradianceVectorGrid:
     vectors: NDArray[np.float32]
     validity: NDArray[np.float32]
     lit_weights: NDArray[np.float16]
+    partitions: Partitions
     lattice: Lattice
     record: BakeRecord = field(compare=False)
 
@@ -180,7 +185,8 @@ class IrradianceVectorGrid:
         from .look_up import irradiance
 
         vectors = self.vectors if directional is Directional.REPORT else self._interpolated[spatial]
-        return irradiance(vectors, self.validity, self.lattice, p, n, spatial, directional, normal_bias)
+        stored = (vectors, self.validity, self.partitions, self.lattice)
+        return irradiance(*stored, p, n, spatial, directional, normal_bias)
 
     @cached_property
     def _interpolated(self) -> _InterpolatedVectors:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The grid's file: `.ivg.npz`, described in docs/file-format.md.
 
-A zip archive of numpy arrays without pickles: `vectors`, `validity`, `lit_weights` and `header`, a JSON text with the
-format's name and version, the lattice and the record of the bake. It is written to a
+A zip archive of numpy arrays without pickles: `vectors`, `validity`, `lit_weights`, `plane_start`, `planes` and
+`header`, a JSON text with the format's name and version, the lattice and the record of the bake. It is written to a
 temporary file beside the target and renamed, so a reader sees a whole file or the previous one.
 """
 
@@ -26,10 +26,11 @@ from .dual_cells import Lattice
 from .errors import GridFileError, SettingsError
 from .grid import BakeRecord, IrradianceVectorGrid
 from .memory import require
+from .partitions import MOST_PLANES, Partitions
 from .settings import BakeSettings, Estimator
 
 FORMAT = "irradiance-vector-grid"
-VERSION = 2
+VERSION = 3
 SUFFIX = ".ivg.npz"
 
 _MOST_HEADER_BYTES = 1 << 20
@@ -79,6 +80,8 @@ def save(grid: IrradianceVectorGrid, path: Path) -> None:
                 vectors=grid.vectors,
                 validity=grid.validity,
                 lit_weights=grid.lit_weights,
+                plane_start=grid.partitions.start,
+                planes=grid.partitions.planes,
             )
             stream.flush()
             os.fsync(stream.fileno())
@@ -107,15 +110,25 @@ def load(path: Path) -> IrradianceVectorGrid:
             vectors = _read_array(archive, "vectors", (*shape, 6, 3, 3), np.dtype(np.float32), path)
             validity = _read_array(archive, "validity", shape, np.dtype(np.float32), path)
             lit_weights = _read_array(archive, "lit_weights", (*shape, 3, 3, 3), np.dtype(np.float16), path)
+            partitions = _read_partitions(archive, lattice, path)
     except FileNotFoundError as error:
         raise GridFileError(f"{path} does not exist: bake it first, or name another") from error
     except _DAMAGE as error:
         raise GridFileError(f"{path} is not a grid file, or only part of one ({error}): bake it again") from error
     except OSError as error:
         raise GridFileError(f"cannot read {path} ({error.strerror or error})") from error
-    if not all(np.isfinite(array).all() for array in (vectors, validity, lit_weights)):
+    if not all(np.isfinite(array).all() for array in (vectors, validity, lit_weights, partitions.planes)):
         raise GridFileError(f"{path} holds numbers that are not finite: bake it again")
-    return IrradianceVectorGrid(vectors, validity, lit_weights, lattice, record)
+    return IrradianceVectorGrid(vectors, validity, lit_weights, partitions, lattice, record)
+
+
+def _read_partitions(archive: zipfile.ZipFile, lattice: Lattice, path: Path) -> Partitions:
+    """Return the planes of vertices after checking that each vertex finds its own."""
+    start = _read_array(archive, "plane_start", (lattice.vertex_count + 1,), np.dtype(np.int32), path)
+    if start[0] != 0 or not (0 <= np.diff(start)).all() or start[-1] > MOST_PLANES * lattice.vertex_count:
+        raise GridFileError(f"{path}: array 'plane_start' is damaged: bake it again")
+    planes = _read_array(archive, "planes", (int(start[-1]), 5), np.dtype(np.float32), path)
+    return Partitions(start, planes)
 
 
 def _member(archive: zipfile.ZipFile, name: str, path: Path) -> zipfile.ZipInfo:
@@ -142,7 +155,7 @@ def _read_header(archive: zipfile.ZipFile, path: Path) -> dict[str, Any]:
     if not isinstance(version, int) or version < 1:
         raise GridFileError(f"{path} has no valid version number ({version!r}): bake it again")
     if version < VERSION:
-        raise GridFileError(f"{path} has format version {version}, which had no lit weights: bake it again")
+        raise GridFileError(f"{path} has format version {version}, this program reads {VERSION}: bake it again")
     if version > VERSION:
         raise GridFileError(
             f"{path} has format version {version}, this program reads {VERSION}: update Irradiance Vector Grid"

@@ -29,9 +29,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .cell_points import keep_own_side, mean_weights, spread_points
 from .compiled import inlined, kernel
 from .dual_cells import Lattice
 from .embree import MISS, Tracer
+from .partitions import Partitions
 from .progress import Progress
 from .random import STREAM_LIT_VOLUME, random4
 from .scene import Float32, Geometry, Int32
@@ -56,8 +58,10 @@ _MAJORITY = 4
 
 
 @kernel
-def mark_cut_cells(vertices, triangles, low, voxel, counts, cut):
-    """Set cut (Ni+1, Nj+1, Nk+1) bool for each dual cell that a triangle's plane and box meet.
+def mark_cut_cells(vertices, triangles, low, voxel, counts, half, cut):
+    """Set cut (Ni+1, Nj+1, Nk+1) bool for each vertex whose box a triangle's plane and box meet.
+
+    `half` is half of the vertices' boxes' edge, in voxels: ½ for their dual cells.
 
     Conservative: a cell near a triangle's edge may be marked without being cut, which costs time
     and nothing else.
@@ -66,7 +70,7 @@ def mark_cut_cells(vertices, triangles, low, voxel, counts, cut):
         p = np.empty((3, 3))
         for c in range(3):
             for axis in range(3):
-                # In voxels, so that dual cell i spans [i − ½, i + ½].
+                # In voxels, so that the box of vertex i spans [i − half, i + half].
                 p[c, axis] = (vertices[triangles[triangle, c], axis] - low[axis]) / voxel[axis]
         first = np.empty(3, dtype=np.int64)
         last = np.empty(3, dtype=np.int64)
@@ -74,12 +78,12 @@ def mark_cut_cells(vertices, triangles, low, voxel, counts, cut):
             lowest = min(p[0, axis], min(p[1, axis], p[2, axis]))
             highest = max(p[0, axis], max(p[1, axis], p[2, axis]))
             # Clamped as floats: a far triangle's index may not fit an integer.
-            first[axis] = int(np.ceil(min(max(lowest - 0.5, -1.0), counts[axis] + 0.0)))
-            last[axis] = int(np.floor(max(min(highest + 0.5, counts[axis] + 0.0), -1.0)))
+            first[axis] = int(np.ceil(min(max(lowest - half, -1.0), counts[axis] + 0.0)))
+            last[axis] = int(np.floor(max(min(highest + half, counts[axis] + 0.0), -1.0)))
             first[axis] = max(first[axis], 0)
             last[axis] = min(last[axis], counts[axis] - 1)
         nx, ny, nz = _cross(p)
-        reach = 0.5 * (abs(nx) + abs(ny) + abs(nz)) * (1.0 + 1e-6)
+        reach = half * (abs(nx) + abs(ny) + abs(nz)) * (1.0 + 1e-6)
         plane = nx * p[0, 0] + ny * p[0, 1] + nz * p[0, 2]
         for i in range(first[0], last[0] + 1):
             for j in range(first[1], last[1] + 1):
@@ -94,87 +98,6 @@ def _cross(p):
     ax, ay, az = p[1, 0] - p[0, 0], p[1, 1] - p[0, 1], p[1, 2] - p[0, 2]
     bx, by, bz = p[2, 0] - p[0, 0], p[2, 1] - p[0, 1], p[2, 2] - p[0, 2]
     return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-
-
-# The generalised golden ratio in three dimensions: 1/g, 1/g², 1/g³ with g⁴ = g + 1 make an additive
-# sequence of low discrepancy (Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences").
-_G = 1.2207440846057596
-_R3 = (1.0 / _G, 1.0 / _G**2, 1.0 / _G**3)
-
-
-@inlined
-def _coordinate(shift, point, axis, index, count):
-    """Return where a dual cell's point lies along an axis, in voxels from the grid's lower bound."""
-    x = shift + (point + 1) * _R3[axis]
-    x -= np.floor(x)
-    a = max(index - 0.5, 0.0)
-    b = min(index + 0.5, count - 1.0)
-    return a + (b - a) * x
-
-
-@inlined
-def _vertex_indices(vertex, counts):
-    """Return (i, j, k) of a flat vertex index."""
-    return vertex // (counts[1] * counts[2]), vertex // counts[2] % counts[1], vertex % counts[2]
-
-
-@kernel
-def spread_points(cells, first_point, count, seed, low, voxel, counts, origins):
-    """Fill origins with points first_point … + count − 1 of each cell, cell after cell.
-
-    The points of a cell are a low-discrepancy sequence with a random shift of its own.
-
-    Parameters
-    ----------
-    cells : (n,) int64
-        Flat vertex indices.
-    origins : (n · count, 3) float32
-        Changed in place.
-    """
-    for index in range(len(cells)):
-        ijk = _vertex_indices(cells[index], counts)
-        shift = random4(seed, cells[index], STREAM_LIT_VOLUME)
-        for point in range(count):
-            row = index * count + point
-            for axis in range(3):
-                x = _coordinate(shift[axis], first_point + point, axis, ijk[axis], counts[axis])
-                origins[row, axis] = np.float32(low[axis] + x * voxel[axis])
-
-
-@kernel
-def mean_weights(cells, lit, seed, counts, weights):
-    """Fill weights with the means of the trilinear weights over the lit points of each cell.
-
-    Parameters
-    ----------
-    cells : (n,) int64
-        Flat vertex indices.
-    lit : (n, count) bool
-        Which of the cell's first `count` points are lit; at least one.
-    weights : (n, 3, 3, 3) float64
-        Changed in place; entry (a, b, c) is for the vertex a − 1, b − 1, c − 1 further on.
-    """
-    w = np.empty((3, 3))
-    for index in range(len(cells)):
-        ijk = _vertex_indices(cells[index], counts)
-        shift = random4(seed, cells[index], STREAM_LIT_VOLUME)
-        weights[index] = 0.0
-        lit_points = 0
-        for point in range(lit.shape[1]):
-            if not lit[index, point]:
-                continue
-            lit_points += 1
-            for axis in range(3):
-                x = _coordinate(shift[axis], point, axis, ijk[axis], counts[axis]) - ijk[axis]
-                w[axis, 0] = max(-x, 0.0)
-                w[axis, 1] = 1.0 - abs(x)
-                w[axis, 2] = max(x, 0.0)
-            for a in range(3):
-                for b in range(3):
-                    wab = w[0, a] * w[1, b]
-                    for c in range(3):
-                        weights[index, a, b, c] += wab * w[2, c]
-        weights[index] /= lit_points
 
 
 @kernel
@@ -286,7 +209,7 @@ class LightKnowledge:
 
 @dataclass(frozen=True)
 class LitParts:
-    """The part of each dual cell that light can reach.
+    """The part of each dual cell that light can reach, on its vertex's side of thin walls.
 
     Parameters
     ----------
@@ -307,19 +230,23 @@ class LitParts:
 
 
 def lit_part_steps(
-    knowledge: LightKnowledge, lattice: Lattice, points: int, seed: int, threads: int
+    knowledge: LightKnowledge, lattice: Lattice, partitions: Partitions, points: int, seed: int, threads: int
 ) -> Generator[Progress, None, LitParts]:
     """Return the lit part of every dual cell; yields as it goes.
 
-    Cells that geometry cuts get `points` points, the others a few: they are wholly lit or not.
+    Cells that geometry cuts, and those beside vertices with planes, get `points` points, the others a few: they are
+    wholly lit or not.
     """
     low = np.asarray(lattice.bounds_min, dtype=np.float64)
     counts = np.asarray(lattice.shape, dtype=np.int64)
     marked = np.zeros(lattice.shape, dtype=bool)
     geometry = knowledge.geometry
-    mark_cut_cells(geometry.vertices, geometry.triangles, low, lattice.voxel_size, counts, marked)
+    mark_cut_cells(geometry.vertices, geometry.triangles, low, lattice.voxel_size, counts, 0.5, marked)
+    divided = partitions.divided.reshape(lattice.shape)
+    beside = _with_neighbours(divided).reshape(-1)
 
-    cut = marked.reshape(-1)
+    cut = marked.reshape(-1) | beside
+    sides = (partitions.start, partitions.planes)
     share = np.zeros(lattice.vertex_count, dtype=np.float32)
     weights = lattice.whole_cell_weights().reshape(-1, 3, 3, 3)
 
@@ -328,10 +255,11 @@ def lit_part_steps(
         spread_points(cells, 0, per_cell, seed, low, lattice.voxel_size, counts, origins)
         identifiers = (cells[:, None] * per_cell + np.arange(per_cell)).reshape(-1)
         lit = knowledge.lit(origins, identifiers, seed).reshape(len(cells), per_cell)
+        keep_own_side(cells, seed, counts, *sides, lit)
         share[cells] = lit.mean(axis=1, dtype=np.float32)
-        partly = cut[cells] & lit.any(axis=1) & ~lit.all(axis=1)
+        partly = cut[cells] & lit.any(axis=1) & (beside[cells] | ~lit.all(axis=1))
         means = np.empty((np.count_nonzero(partly), 3, 3, 3))
-        mean_weights(cells[partly], lit[partly], seed, counts, means)
+        mean_weights(cells[partly], lit[partly], seed, counts, *sides, beside[cells[partly]], means)
         weights[cells[partly]] = means
 
     jobs = [
@@ -347,8 +275,21 @@ def lit_part_steps(
         finally:
             for future in futures:
                 future.cancel()
-    share[~cut] = share[~cut] >= 0.5
+    whole = ~(marked | divided).reshape(-1)
+    share[whole] = share[whole] >= 0.5
     return LitParts(share.reshape(lattice.shape), weights.reshape(*lattice.shape, 3, 3, 3))
+
+
+def _with_neighbours(marked: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Mark the 26 neighbours of marked vertices, too."""
+    for axis in range(3):
+        wider = marked.copy()
+        before, after = [slice(None)] * 3, [slice(None)] * 3
+        before[axis], after[axis] = slice(None, -1), slice(1, None)
+        wider[tuple(before)] |= marked[tuple(after)]
+        wider[tuple(after)] |= marked[tuple(before)]
+        marked = wider
+    return marked
 
 
 def _jobs(cells: NDArray[np.int64], per_cell: int) -> list[tuple[NDArray[np.int64], int]]:

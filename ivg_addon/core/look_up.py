@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from .compiled import inlined, kernel, merged
 from .dual_cells import Lattice
+from .partitions import Partitions, side_distance, speaks_for
 from .reconstruction import DIRECTIONAL_CODES, directional_coefficients
 from .settings import Directional, Spatial
 
@@ -27,6 +28,13 @@ CHUNK = 32_768
 
 _BEHIND = 0.02
 """What remains of the weight of a vertex right behind a surface, so that weights never vanish."""
+
+
+_WITHIN = 1e-6
+"""How far from its faces a position surely lies in a voxel, in floating point."""
+
+_LEAST_SPOKEN = 0.1
+"""Of the weight of lit vertices around a point, that those which speak for it must have."""
 
 
 @merged
@@ -114,6 +122,55 @@ def lean(validity, g, n, support, base, proximity, vertices, weights):
 
 
 @merged
+def any_divided(start, vertices, size):
+    """Tell whether any of `size` vertices has planes."""
+    divided = False
+    for entry in range(size):
+        divided |= start[vertices[entry] + 1] > start[vertices[entry]]
+    return divided
+
+
+@merged
+def step_back(validity, start, planes, g, n, counts, vertices, weights, size):
+    """Move g half a voxel away from the wall beside it where hardly a vertex speaks for it; tell whether.
+
+    In the corner of a voxel that a wall cuts off, the only vertex may speak for the wall's other side.
+    """
+    spoken, total = 0.0, 0.0
+    most = 0.0
+    wall = -1
+    for entry in range(size):
+        if validity[vertices[entry]] == 0.0:
+            continue
+        total += weights[entry]
+        if speaks_for(start, planes, vertices[entry], g, n):
+            spoken += weights[entry]
+        elif weights[entry] > most:
+            most = weights[entry]
+            wall = start[vertices[entry]]
+            while side_distance(planes, wall, g[0], g[1], g[2]) >= 0.0 and wall + 1 < start[vertices[entry] + 1]:
+                wall += 1
+    moves = wall >= 0 and spoken < _LEAST_SPOKEN * total
+    if moves:
+        for axis in range(3):
+            g[axis] = min(max(g[axis] - 0.5 * planes[wall, axis], 0.0), counts[axis] - 1.0)
+    return moves
+
+
+@merged
+def leave_to_speakers(start, planes, g, n, vertices, weights, size):
+    """Take the weight of vertices that do not speak for a surface at g with normal n, unless that leaves none."""
+    spoken = 0.0
+    for entry in range(size):
+        if speaks_for(start, planes, vertices[entry], g, n):
+            spoken += weights[entry]
+    if spoken > 0.0:
+        for entry in range(size):
+            if not speaks_for(start, planes, vertices[entry], g, n):
+                weights[entry] = 0.0
+
+
+@merged
 def blend(vectors, vertices, weights, size, blended):
     """Fill blended (54,) with the weighted vectors of `size` vertices; return the sum of the weights."""
     for m in range(54):
@@ -139,35 +196,59 @@ def unit(x, y, z):
 
 
 @kernel
-def look_up(points, normals, vectors, validity, low, voxel, counts, support, directional, bias, out):
+def look_up(
+    points, normals, vectors, validity, start, planes, low, voxel, counts, spatial_support, directional, bias, out
+):
     """Fill out (n, 3) with E(p, n) of n points and normals, both (n, 3) float64.
 
+    Beside vertices with planes the interpolation is trilinear: wider ones reach vertices behind the wall.
+
     vectors : (vertices, 54) float32, validity : (vertices,) float32
+    start, planes : as of `Partitions`
     low, voxel : (3,) float64; counts : (3,) int64
     """
     w = np.empty((3, 4))
     base = np.empty(3, dtype=np.int64)
     g = np.empty(3)
+    here = np.empty(3)
     c = np.empty((6, 3))
     vertices = np.empty(64, dtype=np.int64)
     weights = np.empty(64)
     blended = np.empty(54, dtype=np.float32)
+    some_divided = len(planes) > 0
     for q in range(len(points)):
         n = unit(normals[q, 0], normals[q, 1], normals[q, 2])
         for axis in range(3):
             position = (points[q, axis] - low[axis]) / voxel[axis]
             g[axis] = min(max(position, 0.0), counts[axis] - 1.0)
+            here[axis] = g[axis]
+        support = spatial_support
         stencil(g, counts, support, base, w)
         unlit = weigh(validity, counts, support, base, w, vertices, weights)
+        divided = some_divided and any_divided(start, vertices, support * support * support)
+        if divided and support > 2:
+            support = 2
+            stencil(g, counts, support, base, w)
+            unlit = weigh(validity, counts, support, base, w, vertices, weights)
+        if divided and step_back(validity, start, planes, g, n, counts, vertices, weights, support * support * support):
+            here[:] = g
+            stencil(g, counts, support, base, w)
+            unlit = weigh(validity, counts, support, base, w, vertices, weights)
         if unlit > 0.0:
             if bias != 0.0:
                 for axis in range(3):
-                    position = g[axis] + bias * unlit * n[axis]
-                    g[axis] = min(max(position, 0.0), counts[axis] - 1.0)
+                    position = here[axis] + bias * unlit * n[axis]
+                    # Beside a wall not into the next voxel: whose vertices know which side they are on is not known.
+                    low_end, high_end = 0.0, counts[axis] - 1.0
+                    if divided:
+                        low_end, high_end = base[axis] + _WITHIN, base[axis] + 1.0 - _WITHIN
+                    g[axis] = min(max(position, low_end), high_end)
                 stencil(g, counts, support, base, w)
                 weigh(validity, counts, support, base, w, vertices, weights)
             # A plane that halves every cell around the point is as near as a surface comes.
             lean(validity, g, n, support, base, min(1.0, 2.0 * unlit), vertices, weights)
+        if divided:
+            leave_to_speakers(start, planes, here, n, vertices, weights, support * support * support)
         total = blend(vectors, vertices, weights, support * support * support, blended)
         directional_coefficients(directional, n, c)
         for channel in range(3):
@@ -183,6 +264,7 @@ def look_up(points, normals, vectors, validity, low, voxel, counts, support, dir
 def irradiance(
     vectors: Float32,
     validity: Float32,
+    partitions: Partitions,
     lattice: Lattice,
     points: Float64,
     normals: Float64,
@@ -195,6 +277,8 @@ def irradiance(
     grid = (
         vectors.reshape(-1, 54),
         validity.reshape(-1),
+        partitions.start,
+        partitions.planes,
         np.asarray(lattice.bounds_min, dtype=np.float64),
         lattice.voxel_size,
         np.asarray(lattice.shape, dtype=np.int64),

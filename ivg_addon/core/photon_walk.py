@@ -8,7 +8,6 @@ memory does not grow with their number.
 
 from __future__ import annotations
 
-import itertools
 import os
 import queue
 import threading
@@ -24,6 +23,7 @@ from .dual_cells import Lattice
 from .embree import Hits, Tracer
 from .emission import Emission, leave_darkness
 from .lobe_scattering import MOST_PASSAGES, scatter_at_lobes
+from .partitions import Partitions
 from .progress import Progress
 from .restricted_light import RestrictedLight
 from .scattering import ABSORBED, CUT, ENERGY_STEPS, ESCAPED, scatter
@@ -216,71 +216,91 @@ def walk_steps(course: Course, lattice: Lattice, settings: BakeSettings) -> Gene
 
     Closing the generator stops the threads within one flight of a batch.
     """
-    start = time.perf_counter()
-    workers = [Worker(course, lattice, settings) for _ in range(thread_count(settings))]
-    batches = itertools.count()
-    batch_count = -(-settings.photons // BATCH)
-    done: queue.SimpleQueue[int | None] = queue.SimpleQueue()
-    stop = threading.Event()
-
-    def run(worker: Worker) -> None:
-        try:
-            # next() on itertools.count is atomic under the GIL.
-            while not stop.is_set() and (batch := next(batches)) < batch_count:
-                first = batch * BATCH
-                done.put(worker.fly(first, min(BATCH, settings.photons - first), stop))
-        except BaseException:
-            # What went wrong is told when all have stopped; nothing is worth waiting for.
-            stop.set()
-            raise
-        finally:
-            done.put(None)
-
-    with ThreadPoolExecutor(len(workers), thread_name_prefix="ivg-photons") as pool:
-        futures: list[Future[None]] = [pool.submit(run, worker) for worker in workers]
-        try:
-            yield from _progress(done, len(workers), settings.photons, start)
-        finally:
-            stop.set()
-        for future in futures:
-            future.result()
-    return _merge(workers, settings.photons, time.perf_counter() - start)
+    walkers = Walkers(course, lattice, settings)
+    yield from walkers.fly_steps(0, settings.photons)
+    return walkers.walk()
 
 
-def _progress(
-    done: queue.SimpleQueue[int | None], running: int, photons: int, start: float
-) -> Generator[Progress, None, None]:
-    """Yield after every batch until every worker has said None."""
-    traced = 0
-    while running:
-        size = done.get()
-        if size is None:
-            running -= 1
-            continue
-        traced += size
-        elapsed = time.perf_counter() - start
-        yield Progress(
-            task=f"Tracing photons ({traced / 1e6:.1f} of {photons / 1e6:.1f} million)",
-            fraction=traced / photons,
-            seconds_left=elapsed * (photons - traced) / traced,
+class Walkers:
+    """The threads' sums, over one range of photons after another."""
+
+    def __init__(self, course: Course, lattice: Lattice, settings: BakeSettings) -> None:
+        self._photons = settings.photons
+        self._workers = [Worker(course, lattice, settings) for _ in range(thread_count(settings))]
+        self._traced = 0
+        self._seconds = 0.0
+
+    def fly_steps(self, first: int, last: int) -> Generator[Progress, None, None]:
+        """Trace the photons first … last − 1; yields after every batch, closing it stops as `walk_steps` does."""
+        start = time.perf_counter()
+        firsts = iter(range(first, last, BATCH))
+        done: queue.SimpleQueue[int | None] = queue.SimpleQueue()
+        stop = threading.Event()
+
+        def run(worker: Worker) -> None:
+            try:
+                # next() on the iterator of a range is atomic under the GIL.
+                while not stop.is_set() and (at := next(firsts, None)) is not None:
+                    done.put(worker.fly(at, min(BATCH, last - at), stop))
+            except BaseException:
+                # What went wrong is told when all have stopped; nothing is worth waiting for.
+                stop.set()
+                raise
+            finally:
+                done.put(None)
+
+        with ThreadPoolExecutor(len(self._workers), thread_name_prefix="ivg-photons") as pool:
+            futures: list[Future[None]] = [pool.submit(run, worker) for worker in self._workers]
+            try:
+                yield from self._progress(done, start)
+            finally:
+                stop.set()
+            for future in futures:
+                future.result()
+        self._seconds += time.perf_counter() - start
+
+    def _progress(self, done: queue.SimpleQueue[int | None], start: float) -> Generator[Progress, None, None]:
+        """Yield after every batch until every worker has said None."""
+        running = len(self._workers)
+        while running:
+            size = done.get()
+            if size is None:
+                running -= 1
+                continue
+            self._traced += size
+            elapsed = self._seconds + time.perf_counter() - start
+            yield Progress(
+                task=f"Tracing photons ({self._traced / 1e6:.1f} of {self._photons / 1e6:.1f} million)",
+                fraction=self._traced / self._photons,
+                seconds_left=elapsed * (self._photons - self._traced) / self._traced,
+            )
+
+    def divide(self, partitions: Partitions) -> None:
+        """Let vertices count on their sides only, from here on; what divided ones have counted is forgotten."""
+        for worker in self._workers:
+            worker.tally = worker.tally.divide(partitions)
+
+    def bin_counts(self) -> Int32:
+        """Return the photons received so far by each side of each patch, (patches, 2)."""
+        total = self._workers[0].bin_counts.copy()
+        for worker in self._workers[1:]:
+            total += worker.bin_counts
+        return total
+
+    def walk(self) -> Walk:
+        """Sum what the threads kept."""
+        tally, energy = self._workers[0].tally, self._workers[0].energy
+        for worker in self._workers[1:]:
+            tally.add(worker.tally)
+            energy = energy + worker.energy
+        share = energy / (ENERGY_STEPS * self._photons)
+        return Walk(
+            tally=tally,
+            bin_counts=self.bin_counts(),
+            rays=sum(worker.rays for worker in self._workers),
+            escaped=share[ESCAPED],
+            absorbed=share[ABSORBED],
+            cut=share[CUT],
+            embree_seconds=sum(worker.embree_seconds for worker in self._workers),
+            seconds=self._seconds,
         )
-
-
-def _merge(workers: list[Worker], photons: int, seconds: float) -> Walk:
-    """Sum what the threads kept."""
-    total = workers[0]
-    for worker in workers[1:]:
-        total.tally.add(worker.tally)
-        np.add(total.bin_counts, worker.bin_counts, out=total.bin_counts)
-        total.energy += worker.energy
-    share = total.energy / (ENERGY_STEPS * photons)
-    return Walk(
-        tally=total.tally,
-        bin_counts=total.bin_counts,
-        rays=sum(worker.rays for worker in workers),
-        escaped=share[ESCAPED],
-        absorbed=share[ABSORBED],
-        cut=share[CUT],
-        embree_seconds=sum(worker.embree_seconds for worker in workers),
-        seconds=seconds,
-    )

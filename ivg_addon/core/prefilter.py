@@ -76,7 +76,13 @@ def step(weights, validity, means, values, i, counts, result):
                     result[i, j, k, m] = means[i, j, k, m] + lost[m] / total
 
 
-def deconvolved(means: Float32, validity: Float32, lit_weights: NDArray[np.float16], spatial: Spatial) -> Float32:
+def deconvolved(
+    means: Float32,
+    validity: Float32,
+    lit_weights: NDArray[np.float16],
+    spatial: Spatial,
+    divided: NDArray[np.bool_] | None = None,
+) -> Float32:
     """Return values whose interpolant has, nearly, the given means over the lit parts of the dual cells.
 
     Parameters
@@ -88,6 +94,8 @@ def deconvolved(means: Float32, validity: Float32, lit_weights: NDArray[np.float
         A; entry (a, b, c) is that of the vertex (i + a − 1, j + b − 1, k + c − 1).
     spatial
         The interpolation that follows.
+    divided : (Ni+1, Nj+1, Nk+1) bool, optional
+        Vertices that speak for one side of a thin wall: beside them the interpolation is trilinear in any case.
     """
     counts = np.array(validity.shape)
     m = means.reshape(*validity.shape, 54)
@@ -102,14 +110,16 @@ def deconvolved(means: Float32, validity: Float32, lit_weights: NDArray[np.float
             list(pool.map(plane, range(counts[0])))
             values = result
     if spatial is Spatial.TRICUBIC:
-        values = _without_second_differences(values, validity)
+        values = _without_second_differences(values, validity, divided)
     return values.reshape(means.shape)
 
 
-def _without_second_differences(values: Float32, validity: Float32) -> Float32:
+def _without_second_differences(values: Float32, validity: Float32, divided: NDArray[np.bool_] | None) -> Float32:
     """Return values minus `CUBIC_SHARE` of their second differences along each axis, among mostly lit vertices."""
     result = values.copy()
     known = validity >= LEAST_VALIDITY
+    if divided is not None:
+        known &= ~divided
     for axis in range(3):
         middle = _shifted(axis, 1, -1)
         before, after = _shifted(axis, 0, -2), _shifted(axis, 2, None)

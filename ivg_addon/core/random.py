@@ -18,6 +18,8 @@ STREAM_SCATTER = 16
 """Scattering at a photon's bounce b draws from stream 16 + b."""
 STREAM_LIT_VOLUME = 1 << 20
 """First of the streams of the lit-volume estimate; the counter is then the point's index."""
+STREAM_PARTITION = 3 << 19
+"""The stream of the points that tell the sides of thin walls apart; the counter is then the voxel's index."""
 STREAM_CAMERA = 1 << 21
 """First of the streams of camera rays; the counter is then the pixel's index."""
 

@@ -16,13 +16,14 @@ one slot per vertex:
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .compiled import inlined, kernel, merged
 from .dual_cells import Lattice
+from .partitions import NO_NORMAL, Partitions, side_distance, speaks_for
 from .settings import Estimator
 
 Int64 = NDArray[np.int64]
@@ -83,78 +84,111 @@ def nearest_vertex(x, top):
     return math.floor(min(max(x, 0.0), top) + 0.5)
 
 
-@kernel
-def deposit_track_length(origins, directions, weights, lengths, low, voxel, counts, scale, sums):
-    """Add φ ω ℓ to every dual cell that the n segments traverse.
+def _track_length_kernel(divided):
+    """Return the kernel of the track-length estimator, for a grid with partitions or, faster, without."""
 
-    Parameters
-    ----------
-    origins, directions, weights : (n, 3) float32
-    lengths : (n,) float32
-        Metres to the hit; 1e37 without one.
-    low, voxel : (3,) float64
-        Lower corner of the bounds, and voxel size.
-    counts : (3,) int64
-        Vertices along each axis.
-    scale
-        Fixed-point steps for a weight of one over one metre.
-    sums : (vertices · 8, 9) int64
-        Changed in place.
-    """
-    top = (counts[0] - 1.0, counts[1] - 1.0, counts[2] - 1.0)
-    diagonal = math.sqrt((top[0] * voxel[0]) ** 2 + (top[1] * voxel[1]) ** 2 + (top[2] * voxel[2]) ** 2)
-    ticks = _TICKS / diagonal
-    row_y = counts[2] * 8
-    row_x = counts[1] * row_y
-    for ray in range(len(lengths)):
-        d = (float(directions[ray, 0]), float(directions[ray, 1]), float(directions[ray, 2]))
-        x, inverse = in_voxels(origins, ray, d, low, voxel)
-        t0, t1 = clip_to_box(x, inverse, 0.0, float(lengths[ray]), top, -1)
-        if not t0 < t1:
-            continue
-        # ω = −d; the nine products are constant along the flight.
-        unit = -scale / ticks
-        red, green, blue = weights[ray, 0] * unit, weights[ray, 1] * unit, weights[ray, 2] * unit
-        p0, p1, p2 = red * d[0], red * d[1], red * d[2]
-        p3, p4, p5 = green * d[0], green * d[1], green * d[2]
-        p6, p7, p8 = blue * d[0], blue * d[1], blue * d[2]
-        octant = (1 if d[0] < 0 else 0) + (2 if d[1] < 0 else 0) + (4 if d[2] < 0 else 0)
+    @kernel
+    def deposit(origins, directions, weights, lengths, low, voxel, counts, scale, start, planes, sums):
+        """Add φ ω ℓ to every dual cell that the n segments traverse, ℓ the length on the positive sides of its planes.
 
-        # Amanatides & Woo's walk, over dual cells: boundaries lie at half voxels.
-        i, step_x, next_x, delta_x, wall_x = axis_walk(x[0], t0, d[0], inverse[0], top[0], ticks)
-        j, step_y, next_y, delta_y, wall_y = axis_walk(x[1], t0, d[1], inverse[1], top[1], ticks)
-        k, step_z, next_z, delta_z, wall_z = axis_walk(x[2], t0, d[2], inverse[2], top[2], ticks)
-        end = min(np.int64(min((t1 - t0) * ticks, _NEVER)), min(wall_x, min(wall_y, wall_z)))
-        cell = i * row_x + j * row_y + k * 8 + octant
-        step_x *= row_x
-        step_y *= row_y
-        step_z *= 8
-        t = 0
-        while True:
-            t_next = min(next_x, min(next_y, next_z))
-            leg = float(min(t_next, end) - t)
-            row = np.uint64(cell)
-            sums[row, 0] += np.int64(p0 * leg)
-            sums[row, 1] += np.int64(p1 * leg)
-            sums[row, 2] += np.int64(p2 * leg)
-            sums[row, 3] += np.int64(p3 * leg)
-            sums[row, 4] += np.int64(p4 * leg)
-            sums[row, 5] += np.int64(p5 * leg)
-            sums[row, 6] += np.int64(p6 * leg)
-            sums[row, 7] += np.int64(p7 * leg)
-            sums[row, 8] += np.int64(p8 * leg)
-            if t_next >= end:
-                break
-            t = t_next
-            if next_x == t_next:
-                cell += step_x
-                next_x += delta_x
-            elif next_y == t_next:
-                cell += step_y
-                next_y += delta_y
-            else:
-                cell += step_z
-                next_z += delta_z
+        Parameters
+        ----------
+        origins, directions, weights : (n, 3) float32
+        lengths : (n,) float32
+            Metres to the hit; 1e37 without one.
+        low, voxel : (3,) float64
+            Lower corner of the bounds, and voxel size.
+        counts : (3,) int64
+            Vertices along each axis.
+        scale
+            Fixed-point steps for a weight of one over one metre.
+        start, planes
+            As of `Partitions`; unused by the kernel for none.
+        sums : (vertices · 8, 9) int64
+            Changed in place.
+        """
+        top = (counts[0] - 1.0, counts[1] - 1.0, counts[2] - 1.0)
+        diagonal = math.sqrt((top[0] * voxel[0]) ** 2 + (top[1] * voxel[1]) ** 2 + (top[2] * voxel[2]) ** 2)
+        ticks = _TICKS / diagonal
+        row_y = counts[2] * 8
+        row_x = counts[1] * row_y
+        for ray in range(len(lengths)):
+            d = (float(directions[ray, 0]), float(directions[ray, 1]), float(directions[ray, 2]))
+            x, inverse = in_voxels(origins, ray, d, low, voxel)
+            t0, t1 = clip_to_box(x, inverse, 0.0, float(lengths[ray]), top, -1)
+            if not t0 < t1:
+                continue
+            # ω = −d; the nine products are constant along the flight.
+            unit = -scale / ticks
+            red, green, blue = weights[ray, 0] * unit, weights[ray, 1] * unit, weights[ray, 2] * unit
+            p0, p1, p2 = red * d[0], red * d[1], red * d[2]
+            p3, p4, p5 = green * d[0], green * d[1], green * d[2]
+            p6, p7, p8 = blue * d[0], blue * d[1], blue * d[2]
+            octant = (1 if d[0] < 0 else 0) + (2 if d[1] < 0 else 0) + (4 if d[2] < 0 else 0)
+
+            # Amanatides & Woo's walk, over dual cells: boundaries lie at half voxels.
+            i, step_x, next_x, delta_x, wall_x = axis_walk(x[0], t0, d[0], inverse[0], top[0], ticks)
+            j, step_y, next_y, delta_y, wall_y = axis_walk(x[1], t0, d[1], inverse[1], top[1], ticks)
+            k, step_z, next_z, delta_z, wall_z = axis_walk(x[2], t0, d[2], inverse[2], top[2], ticks)
+            end = min(np.int64(min((t1 - t0) * ticks, _NEVER)), min(wall_x, min(wall_y, wall_z)))
+            if divided:
+                rate = (1.0 / (inverse[0] * ticks), 1.0 / (inverse[1] * ticks), 1.0 / (inverse[2] * ticks))
+                entry = (x[0] + t0 / inverse[0], x[1] + t0 / inverse[1], x[2] + t0 / inverse[2])
+            cell = i * row_x + j * row_y + k * 8 + octant
+            step_x *= row_x
+            step_y *= row_y
+            step_z *= 8
+            t = 0
+            while True:
+                t_next = min(next_x, min(next_y, next_z))
+                leg = float(min(t_next, end) - t)
+                row = np.uint64(cell)
+                if divided:
+                    vertex = cell >> 3
+                    if start[vertex] < start[vertex + 1]:
+                        leg = length_on_side(start, planes, vertex, entry, rate, float(t), t + leg)
+                sums[row, 0] += np.int64(p0 * leg)
+                sums[row, 1] += np.int64(p1 * leg)
+                sums[row, 2] += np.int64(p2 * leg)
+                sums[row, 3] += np.int64(p3 * leg)
+                sums[row, 4] += np.int64(p4 * leg)
+                sums[row, 5] += np.int64(p5 * leg)
+                sums[row, 6] += np.int64(p6 * leg)
+                sums[row, 7] += np.int64(p7 * leg)
+                sums[row, 8] += np.int64(p8 * leg)
+                if t_next >= end:
+                    break
+                t = t_next
+                if next_x == t_next:
+                    cell += step_x
+                    next_x += delta_x
+                elif next_y == t_next:
+                    cell += step_y
+                    next_y += delta_y
+                else:
+                    cell += step_z
+                    next_z += delta_z
+
+    return deposit
+
+
+deposit_track_length = _track_length_kernel(divided=False)
+deposit_track_length_on_side = _track_length_kernel(divided=True)
+
+
+@merged
+def length_on_side(start, planes, vertex, x, rate, t0, t1):
+    """Return how much of the leg from t₀ to t₁ of the path x + rate·t, in voxels, lies on a vertex's side."""
+    for plane in range(start[vertex], start[vertex + 1]):
+        ahead = side_distance(planes, plane, x[0], x[1], x[2])
+        speed = planes[plane, 0] * rate[0] + planes[plane, 1] * rate[1] + planes[plane, 2] * rate[2]
+        if speed > 0.0:
+            t0 = max(t0, -ahead / speed)
+        elif speed < 0.0:
+            t1 = min(t1, -ahead / speed)
+        elif ahead < 0.0:
+            t1 = t0
+    return max(0.0, t1 - t0)
 
 
 @merged
@@ -199,8 +233,10 @@ def axis_walk(x, t0, d, inverse, top, ticks):
 
 
 @kernel
-def deposit_crossings(origins, directions, weights, lengths, low, voxel, counts, scale, min_cosine, sums):
-    """Add φ ω / max(|ω_k|, min_cosine) at every voxel face, to the nearest vertex in its plane.
+def deposit_crossings(
+    origins, directions, weights, lengths, low, voxel, counts, scale, min_cosine, start, planes, sums
+):
+    """Add φ ω / max(|ω_k|, min_cosine) at every voxel face, to the nearest vertex in its plane if it speaks for it.
 
     With `min_cosine` 1 this is the report's formula as printed (`REPORT`), with `GRAZING_COSINE` the unbiased one
     (`CROSSING`). Parameters as of `deposit_track_length`, but `scale` holds the fixed-point steps for a weight of one,
@@ -220,15 +256,18 @@ def deposit_crossings(origins, directions, weights, lengths, low, voxel, counts,
             factor = scale / max(abs(d[axis]), min_cosine)
             # ω = −d lies on the side +axis when d points towards −axis.
             hemisphere = 2 * axis + (1 if d[axis] > 0.0 else 0)
-            start, end = x[axis] + t0 / inverse[axis], x[axis] + t1 / inverse[axis]
-            first = np.int64(math.ceil(max(min(start, end), 0.0)))
-            last = np.int64(math.floor(min(max(start, end), top[axis])))
+            near, far = x[axis] + t0 / inverse[axis], x[axis] + t1 / inverse[axis]
+            first = np.int64(math.ceil(max(min(near, far), 0.0)))
+            last = np.int64(math.floor(min(max(near, far), top[axis])))
             for plane in range(first, last + 1):
                 t = (plane - x[axis]) * inverse[axis]
                 vertex = 0
                 for other in range(3):
                     index = plane if other == axis else nearest_vertex(x[other] + t / inverse[other], top[other])
                     vertex = vertex * counts[other] + index
+                at = (x[0] + t / inverse[0], x[1] + t / inverse[1], x[2] + t / inverse[2])
+                if not speaks_for(start, planes, vertex, at, NO_NORMAL):
+                    continue
                 for channel in range(3):
                     flux = factor * weights[ray, channel]
                     for component in range(3):
@@ -246,12 +285,15 @@ class Tally:
     steps
         Fixed-point steps per unit.
     sums : (vertices · slots · 9,) int64
+    partitions
+        Which flights vertices count.
     """
 
     lattice: Lattice
     estimator: Estimator
     steps: float
     sums: Int64
+    partitions: Partitions
 
     @staticmethod
     def slots(estimator: Estimator) -> int:
@@ -282,7 +324,13 @@ class Tally:
             estimator=estimator,
             steps=steps,
             sums=np.zeros(lattice.vertex_count * cls.slots(estimator) * 9, dtype=np.int64),
+            partitions=Partitions.none(lattice.vertex_count),
         )
+
+    def divide(self, partitions: Partitions) -> Tally:
+        """Return a tally that goes on with these sums, with those of divided vertices begun anew."""
+        self.sums.reshape(self.lattice.vertex_count, -1)[partitions.divided] = 0
+        return replace(self, partitions=partitions)
 
     def deposit(
         self,
@@ -299,13 +347,15 @@ class Tally:
             np.asarray(lattice.shape, dtype=np.int64),
         )
         flights = (origins, directions, weights, lengths)
+        start, planes = self.partitions.start, self.partitions.planes
         rows = self.sums.reshape(-1, 9)
         if self.estimator is Estimator.TRACK_LENGTH:
+            deposit = deposit_track_length_on_side if len(planes) else deposit_track_length
             mean_edge = np.cbrt(lattice.voxel_size.prod())
-            deposit_track_length(*flights, *box, self.steps / mean_edge, rows)
+            deposit(*flights, *box, self.steps / mean_edge, start, planes, rows)
         else:
             cosine = 1.0 if self.estimator is Estimator.REPORT else GRAZING_COSINE
-            deposit_crossings(*flights, *box, self.steps, cosine, rows)
+            deposit_crossings(*flights, *box, self.steps, cosine, start, planes, rows)
 
     def add(self, other: Tally) -> None:
         """Add another thread's sums to this one's."""

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from ivg_addon.core.dual_cells import Lattice
 from ivg_addon.core.grid import BakeRecord, IrradianceVectorGrid
+from ivg_addon.core.partitions import Partitions
 from ivg_addon.core.settings import BakeSettings
 
 Float64 = NDArray[np.float64]
@@ -41,6 +42,7 @@ def grid(
     validity: object = None,
     lattice: Lattice = LATTICE,
     lit_weights: NDArray[np.float16] | None = None,
+    partitions: Partitions | None = None,
 ) -> IrradianceVectorGrid:
     """Return a grid of vectors (…, 6, 3, 3) at the vertices; lit all over unless `validity` and `lit_weights` tell."""
     lit = np.ones(lattice.shape) if validity is None else validity
@@ -48,6 +50,7 @@ def grid(
         vectors=np.ascontiguousarray(np.broadcast_to(vectors, (*lattice.shape, 6, 3, 3)), dtype=np.float32),
         validity=np.ascontiguousarray(np.broadcast_to(np.asarray(lit), lattice.shape), dtype=np.float32),
         lit_weights=lattice.whole_cell_weights() if lit_weights is None else lit_weights,
+        partitions=Partitions.none(lattice.vertex_count) if partitions is None else partitions,
         lattice=lattice,
         record=record(lattice),
     )

@@ -24,6 +24,7 @@ from ivg_addon.core import grid_file
 from ivg_addon.core.dual_cells import Lattice
 from ivg_addon.core.errors import GridFileError, IvgError
 from ivg_addon.core.grid import IrradianceVectorGrid
+from ivg_addon.core.partitions import MOST_PLANES, Partitions
 from ivg_addon.core.settings import BakeSettings, Estimator
 
 from .grids import grid, record
@@ -62,6 +63,8 @@ def assert_same(a: IrradianceVectorGrid, b: IrradianceVectorGrid) -> None:
     assert a.vectors.tobytes() == b.vectors.tobytes()
     assert a.validity.tobytes() == b.validity.tobytes()
     assert a.lit_weights.tobytes() == b.lit_weights.tobytes()
+    assert a.partitions.start.tobytes() == b.partitions.start.tobytes()
+    assert a.partitions.planes.tobytes() == b.partitions.planes.tobytes()
     assert (a.lattice, a.record) == (b.lattice, b.record)
 
 
@@ -69,6 +72,13 @@ def assert_same(a: IrradianceVectorGrid, b: IrradianceVectorGrid) -> None:
 
 finite = st.floats(allow_nan=False, allow_infinity=False, width=32)
 bounds = st.tuples(*[st.tuples(st.floats(-1e6, 1e6), st.floats(1e-3, 1e6)).map(lambda x: (x[0], x[0] + x[1]))] * 3)
+
+
+@st.composite
+def any_partitions(draw: st.DrawFn, vertex_count: int) -> Partitions:
+    numbers = draw(arrays(np.int32, vertex_count, elements=st.integers(0, MOST_PLANES)))
+    start = np.concatenate([[0], np.cumsum(numbers)]).astype(np.int32)
+    return Partitions(start, draw(arrays(np.float32, (int(start[-1]), 5), elements=finite)))
 
 
 @st.composite
@@ -96,6 +106,7 @@ def any_grid(draw: st.DrawFn) -> IrradianceVectorGrid:
         vectors=draw(arrays(np.float32, (*lattice.shape, 6, 3, 3), elements=finite)),
         validity=draw(arrays(np.float32, lattice.shape, elements=st.floats(0, 1, width=32))),
         lit_weights=draw(arrays(np.float16, (*lattice.shape, 3, 3, 3), elements=st.floats(0, 1, width=16))),
+        partitions=draw(any_partitions(lattice.vertex_count)),
         lattice=lattice,
         record=replace(made, settings=baked, emitted=draw(st.tuples(*[st.floats(0, 1e30)] * 3))),
     )
@@ -214,8 +225,8 @@ def with_header(saved: Path, change: Callable[[dict[str, Any]], object]) -> Path
     ("change", "words"),
     [
         (lambda h: h.update(format="photo"), ["'photo' file", "expected 'irradiance-vector-grid'"]),
-        (lambda h: h.update(version=grid_file.VERSION + 1), ["format version 3", "update Irradiance Vector Grid"]),
-        (lambda h: h.update(version=1), ["format version 1, which had no lit weights: bake it again"]),
+        (lambda h: h.update(version=grid_file.VERSION + 1), ["format version 4", "update Irradiance Vector Grid"]),
+        (lambda h: h.update(version=1), ["format version 1, this program reads 3: bake it again"]),
         (lambda h: h.update(version=0), ["no valid version"]),
         (lambda h: h.update(version="1"), ["no valid version"]),
         (lambda h: h.pop("version"), ["unreadable header"]),

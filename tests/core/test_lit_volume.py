@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ivg_addon.core import lit_volume
 from ivg_addon.core.bake import LEAST_LIT_SHARE, bake
+from ivg_addon.core.cell_points import spread_points
 from ivg_addon.core.dual_cells import Lattice
 from ivg_addon.core.lit_volume import (
     LEAK_RATIO,
@@ -27,14 +28,13 @@ from ivg_addon.core.lit_volume import (
     lit_part_steps,
     mark_cut_cells,
     side_verdict,
-    spread_points,
 )
 from ivg_addon.core.progress import finish
 from ivg_addon.core.settings import BakeSettings
 
 from .convex import clipped_volume
 from .rooms import Part, box, lamp, quad, rotation, scene, sky
-from .turned_rooms import LATTICE, ROOM, TURN, halfspaces, knowledge
+from .turned_rooms import LATTICE, ROOM, TURN, UNDIVIDED, halfspaces, knowledge
 from .z_tests import FALSE_ALARM
 
 Float64 = NDArray[np.float64]
@@ -49,7 +49,7 @@ def lit(of: LightKnowledge, points: object) -> NDArray[np.bool_]:
 
 
 def shares(of: LightKnowledge, points: int = POINTS, seed: int = 0, threads: int = 2) -> Float32:
-    return finish(lit_part_steps(of, LATTICE, points, seed, threads)).share
+    return finish(lit_part_steps(of, LATTICE, UNDIVIDED, points, seed, threads)).share
 
 
 # --- Volumes ----------------------------------------------------------------------------------------------------------
@@ -299,7 +299,7 @@ def test_points_lie_in_their_cells_and_fill_them(cells: list[int], first: int) -
 
 
 def test_a_grid_of_several_batches_tells_its_progress() -> None:
-    steps = lit_part_steps(knowledge(scene([ROOM]), [1000], [0]), LATTICE, 4000, 0, 2)
+    steps = lit_part_steps(knowledge(scene([ROOM]), [1000], [0]), LATTICE, UNDIVIDED, 4000, 0, 2)
     fractions = [progress.fraction for progress in steps]
     assert len(fractions) > 3
     assert fractions == sorted(fractions)
@@ -316,7 +316,7 @@ def test_every_cell_that_a_triangle_cuts_is_marked(corners: tuple[float, ...], p
     vertices = np.array(corners, dtype=np.float32).reshape(3, 3)
     cut = np.zeros(LATTICE.shape, dtype=bool)
     low, shape = np.array(LATTICE.bounds_min), np.array(LATTICE.shape, dtype=np.int64)
-    mark_cut_cells(vertices, np.array([[0, 1, 2]], dtype=np.int32), low, LATTICE.voxel_size, shape, cut)
+    mark_cut_cells(vertices, np.array([[0, 1, 2]], dtype=np.int32), low, LATTICE.voxel_size, shape, 0.5, cut)
     u, v = place if sum(place) <= 1 else (1 - place[0], 1 - place[1])
     p, q, r = ((vertices.astype(np.float64) - low) / LATTICE.voxel_size).tolist()
     point = np.array(p) + u * np.subtract(q, p) + v * np.subtract(r, p)
@@ -332,7 +332,7 @@ def test_huge_triangles_are_marked_in_time(size: float) -> None:
     corners = np.array([(-size, -size, 0.1), (size, -size, 0.1), (0, size, 0.1)], dtype=np.float32)
     cut = np.zeros(LATTICE.shape, dtype=bool)
     low, shape = np.array(LATTICE.bounds_min), np.array(LATTICE.shape, dtype=np.int64)
-    mark_cut_cells(corners, np.array([[0, 1, 2]], dtype=np.int32), low, LATTICE.voxel_size, shape, cut)
+    mark_cut_cells(corners, np.array([[0, 1, 2]], dtype=np.int32), low, LATTICE.voxel_size, shape, 0.5, cut)
     assert cut.any(axis=(0, 1)).sum() == 1
     assert cut.all(axis=2).sum() == 0
     assert cut.sum() == shape[0] * shape[1]

@@ -16,6 +16,7 @@ from ivg_addon.core import look_up
 from ivg_addon.core.dual_cells import Lattice
 from ivg_addon.core.errors import SettingsError
 from ivg_addon.core.grid import IrradianceVectorGrid
+from ivg_addon.core.partitions import Partitions
 from ivg_addon.core.reconstruction import coefficients
 from ivg_addon.core.settings import Directional, Spatial
 
@@ -232,15 +233,16 @@ def test_arrays_of_a_wrong_shape_or_type_make_no_grid() -> None:
     validity = np.ones(LATTICE.shape, dtype=np.float32)
     record = grid(UNIFORM).record
     weights = LATTICE.whole_cell_weights()
+    undivided = Partitions.none(LATTICE.vertex_count)
     with pytest.raises(SettingsError, match=r"grid vectors have shape .* needs \(6, 5, 8, 6, 3, 3\)"):
-        IrradianceVectorGrid(vectors[:-1], validity, weights, LATTICE, record)
+        IrradianceVectorGrid(vectors[:-1], validity, weights, undivided, LATTICE, record)
     with pytest.raises(SettingsError, match=r"grid validity have shape .* needs \(6, 5, 8\)"):
-        IrradianceVectorGrid(vectors, validity[..., None], weights, LATTICE, record)
+        IrradianceVectorGrid(vectors, validity[..., None], weights, undivided, LATTICE, record)
     with pytest.raises(SettingsError, match=r"grid lit_weights have shape .* needs \(6, 5, 8, 3, 3, 3\)"):
-        IrradianceVectorGrid(vectors, validity, weights.reshape(*LATTICE.shape, 27), LATTICE, record)
+        IrradianceVectorGrid(vectors, validity, weights.reshape(*LATTICE.shape, 27), undivided, LATTICE, record)
     with pytest.raises(SettingsError, match="grid vectors: float64 instead of float32"):
-        IrradianceVectorGrid(vectors.astype(np.float64), validity, weights, LATTICE, record)  # type: ignore[arg-type]
+        IrradianceVectorGrid(vectors.astype(np.float64), validity, weights, undivided, LATTICE, record)  # type: ignore[arg-type]
     with pytest.raises(SettingsError, match="grid validity: int64 instead of float32"):
-        IrradianceVectorGrid(vectors, validity.astype(np.int64), weights, LATTICE, record)  # type: ignore[arg-type]
+        IrradianceVectorGrid(vectors, validity.astype(np.int64), weights, undivided, LATTICE, record)  # type: ignore[arg-type]
     with pytest.raises(SettingsError, match="grid lit_weights: float32 instead of float16"):
-        IrradianceVectorGrid(vectors, validity, weights.astype(np.float32), LATTICE, record)  # type: ignore[arg-type]
+        IrradianceVectorGrid(vectors, validity, weights.astype(np.float32), undivided, LATTICE, record)  # type: ignore[arg-type]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ivg_addon.core.dual_cells import Lattice
 from ivg_addon.core.embree import Tracer
 from ivg_addon.core.lit_volume import LightKnowledge
+from ivg_addon.core.partitions import Partitions
 from ivg_addon.core.scene import Scene
 from ivg_addon.core.surface_bins import BACK, FRONT, SurfaceBins
 
@@ -21,6 +22,7 @@ Float64 = NDArray[np.float64]
 TURN = rotation((1, 2, 3), 0.7)
 ROOM = box((-1, -1, -1), (1, 1, 1), inward=True, turn=TURN)
 LATTICE = Lattice((-1.3, -1.23, -1.3), (1.3, 1.2, 1.25), (5, 6, 4))
+UNDIVIDED = Partitions.none(LATTICE.vertex_count)
 
 
 def knowledge(of: Scene, front: Sequence[int], back: Sequence[int], world_shines: bool = False) -> LightKnowledge:
