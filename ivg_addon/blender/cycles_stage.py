@@ -115,12 +115,16 @@ def truthful(
         (cycles, "blur_glossy"): 0.0,
         (cycles, "time_limit"): 0.0,
         (cycles, "use_layer_samples"): "IGNORE",
+        (cycles, "use_auto_tile"): True,
+        (cycles, "tile_size"): _TILE,
         **{(cycles, f"use_{feature}"): False for feature in _BIASED},
         **{(render, f"use_{feature}"): False for feature in _UNKNOWN_TO_GRIDS},
         **other_layers,
     }
 
 
+_TILE = 512
+"""Pixels along a tile's edge: each tile that is done is told. What is rendered is the same to the bit."""
 _BIASED = ("denoising", "adaptive_sampling", "fast_gi", "animated_seed", "sample_subset")
 _UNKNOWN_TO_GRIDS = ("compositing", "sequencer", "border", "multiview", "motion_blur", "freestyle", "persistent_data")
 
