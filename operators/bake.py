@@ -6,6 +6,7 @@ from __future__ import annotations
 import bpy
 
 from ..ivg_addon.blender import jobs
+from ..ivg_addon.blender.asking import Asker
 from ..ivg_addon.blender.bake_job import bake_job
 from ..ivg_addon.blender.properties import override_properties
 from .job_operator import JobOperator
@@ -21,7 +22,7 @@ class IVG_OT_bake(JobOperator):
     bl_options = {"UNDO"}
     __annotations__ = override_properties()
 
-    def make_job(self, context: bpy.types.Context, run: jobs.Runner) -> jobs.Job:
+    def make_job(self, context: bpy.types.Context, run: jobs.Runner, ask: Asker) -> jobs.Job:
         """Return the bake, with what the call says in place of the scene's settings."""
         given = {name: getattr(self, name) for name in override_properties() if self.properties.is_property_set(name)}
-        return bake_job(context, given, run)
+        return bake_job(context, given, run, ask)

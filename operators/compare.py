@@ -6,6 +6,7 @@ from __future__ import annotations
 import bpy
 
 from ..ivg_addon.blender import jobs, outcome
+from ..ivg_addon.blender.asking import Asker
 from ..ivg_addon.blender.compare_job import CompareRequest, compare_job, picture_of
 from ..ivg_addon.blender.grid_store import absolute
 from ..ivg_addon.blender.image_view import show_image
@@ -33,10 +34,10 @@ class IVG_OT_compare(JobOperator):
             return False
         return True
 
-    def make_job(self, context: bpy.types.Context, run: jobs.Runner) -> jobs.Job:
+    def make_job(self, context: bpy.types.Context, run: jobs.Runner, ask: Asker) -> jobs.Job:
         """Return the comparison."""
         grid = outcome.grid_file(context.scene)
-        return compare_job(context, CompareRequest(grid, picture_of(grid)), run)
+        return compare_job(context, CompareRequest(grid, picture_of(grid)), run, ask)
 
     def show_result(self, context: bpy.types.Context) -> None:
         """Show the picture as Blender shows a render."""

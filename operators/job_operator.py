@@ -10,7 +10,9 @@ import traceback
 import bpy
 
 from ..ivg_addon.blender import jobs
+from ..ivg_addon.blender.asking import Asker, here
 from ..ivg_addon.blender.console import Console
+from ..ivg_addon.blender.second_blender import SecondBlender
 from ..ivg_addon.blender.summary import duration
 from ..ivg_addon.core.errors import Cancelled, IvgError
 from ..ivg_addon.core.progress import Progress
@@ -25,8 +27,8 @@ REDRAW_SECONDS = 0.25
 class JobOperator(bpy.types.Operator):
     """An operator whose work is a job: blocking when executed, modal when invoked."""
 
-    def make_job(self, context: bpy.types.Context, run: jobs.Runner) -> jobs.Job:
-        """Return the job; `run` is for the part that never touches Blender."""
+    def make_job(self, context: bpy.types.Context, run: jobs.Runner, ask: Asker) -> jobs.Job:
+        """Return the job; `run` is for the part that never touches Blender, `ask` for what Cycles is asked."""
         raise NotImplementedError
 
     def show_result(self, context: bpy.types.Context) -> None:
@@ -49,7 +51,7 @@ class JobOperator(bpy.types.Operator):
         manager = context.window_manager
         manager.progress_begin(0.0, 1.0)
         try:
-            job = self.make_job(context, jobs.in_foreground)
+            job = self.make_job(context, jobs.in_foreground, here)
             with Console(sys.stderr) as console:
 
                 def show(progress: Progress) -> None:
@@ -69,8 +71,9 @@ class JobOperator(bpy.types.Operator):
         """Start the job in the window and go on by a timer."""
         if bpy.app.background or context.window is None:
             return self.execute(context)
+        self._second = SecondBlender()
         try:
-            self._job = self.make_job(context, jobs.in_background)
+            self._job = self.make_job(context, jobs.in_background, self._second.ask)
         except IvgError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
@@ -120,6 +123,7 @@ class JobOperator(bpy.types.Operator):
 
     def _leave(self, context: bpy.types.Context) -> None:
         """Leave the window as it was."""
+        self._second.end()
         context.window_manager.event_timer_remove(self._timer)
         _show(None)
 

@@ -21,6 +21,7 @@ from ..core.errors import GridFileError, SceneError
 from ..core.progress import Progress, part
 from ..core.report import headline
 from . import outcome
+from .asking import Asker, here
 from .bake_request import BakeRequest, Overrides, read_request
 from .grid_store import compiled_code_folder, keep_compiled_code
 from .jobs import Job, PatientSteps, Runner, Steps
@@ -35,7 +36,7 @@ EXPORT_SHARE = 0.05
 """Of a bake's progress; the rest is the photons'."""
 
 
-def bake_job(context: bpy.types.Context, overrides: Overrides, run: Runner) -> Job:
+def bake_job(context: bpy.types.Context, overrides: Overrides, run: Runner, ask: Asker = here) -> Job:
     """Return the bake of the context's scene; raises what can be known before it starts.
 
     Parameters
@@ -44,6 +45,8 @@ def bake_job(context: bpy.types.Context, overrides: Overrides, run: Runner) -> J
         What to use in place of the scene's settings, by name.
     run
         How the part that never touches Blender is drained.
+    ask
+        Where Cycles is asked.
 
     Raises
     ------
@@ -56,23 +59,25 @@ def bake_job(context: bpy.types.Context, overrides: Overrides, run: Runner) -> J
 
     request = read_request(context, overrides)
     check_writable(request.output)
-    return Job(f"Baking '{context.scene.name}'", _bake_steps(context, request, run))
+    return Job(f"Baking '{context.scene.name}'", _bake_steps(context, request, run, ask))
 
 
-def _bake_steps(context: bpy.types.Context, request: BakeRequest, run: Runner) -> PatientSteps[str]:
+def _bake_steps(context: bpy.types.Context, request: BakeRequest, run: Runner, ask: Asker) -> PatientSteps[str]:
     """Bake and return what was done, in one line."""
+    start = time.perf_counter()
+    name, identity, layer = context.scene.name, context.scene.session_uid, context.view_layer.name
+    yield from run(_load(compiled_code_folder()))
     from ..core.memory import peak
     from .export import export_render_steps
 
-    start = time.perf_counter()
-    name, identity = context.scene.name, context.scene.session_uid
     # One step of the export reads Blender's data, others ask Cycles for materials. Between any two the user may change
     # them: all is found again each time.
-    exporting = export_render_steps(context.scene, context.view_layer)
+    reading = _find_scene(name, identity)
+    exporting = export_render_steps(reading, reading.view_layers[layer], ask, run)
     scene = yield from part(exporting, 0.0, EXPORT_SHARE)
     settings = request.settings_for(scene)
     with _beside(request.output) as fresh:
-        baking = _bake_and_write(scene, settings, fresh, compiled_code_folder())
+        baking = _bake_and_write(scene, settings, fresh)
         result = yield from part(run(baking), EXPORT_SHARE, 1.0)
         kept_in = _find_scene(name, identity)
         _replace(fresh, request.output)
@@ -87,13 +92,15 @@ def _bake_steps(context: bpy.types.Context, request: BakeRequest, run: Runner) -
     )
 
 
-def _bake_and_write(scene: Scene, settings: BakeSettings, path: Path, compiled_code: Path | None) -> Steps[BakeResult]:
-    """Bake and write the grid to `path`; touches nothing of Blender, so any thread will do.
-
-    Here the compiled part of core is imported for the first time: it takes a second.
-    """
+def _load(compiled_code: Path | None) -> Steps[None]:
+    """Import what compiles: it takes a second. Touches nothing of Blender."""
     yield Progress("Loading Numba and Embree", 0.0)
     keep_compiled_code(compiled_code)
+    from ..core import bake, doubled_faces, instancing  # noqa: F401
+
+
+def _bake_and_write(scene: Scene, settings: BakeSettings, path: Path) -> Steps[BakeResult]:
+    """Bake and write the grid to `path`; touches nothing of Blender, so any thread will do."""
     from ..core.bake import bake_steps
 
     result = yield from bake_steps(scene, settings)

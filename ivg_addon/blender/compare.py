@@ -18,20 +18,21 @@ from typing import TYPE_CHECKING
 import bpy
 import numpy as np
 
-from ..core.errors import GridFileError, SceneError, SettingsError
+from ..core.errors import GridFileError, SceneError
 from ..core.false_color import difference_colors, local_mean, luminance, round_scale
 from ..core.metrics import Agreement
 from ..core.metrics import compare as agreement_of
 from ..core.progress import Progress, part
 from ..core.report import Notice, merge
 from ..core.scene import Scene
+from .asking import Asker, here
 from .cycles_render import CyclesPicture, render_steps
 from .display import display_pixels
 from .export import export_render_steps
 from .export_camera import export_camera, hidden_from_camera
 from .export_depsgraph import with_render_depsgraph
 from .jobs import PatientSteps, Runner, Steps, in_foreground
-from .montage import Panel, write_montage
+from .montage import Panel, check_picture, write_montage
 from .summary import Row, count, duration, voxels
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
 DEFAULT_SAMPLES = 64
 """Camera rays per pixel of the grid's picture."""
 
-_EXPORTED, _SHADED, _RENDERED = 0.05, 0.2, 0.97
+_EXPORTED, _SHADED, _RENDERED, _KEPT = 0.05, 0.2, 0.97, 0.98
 _SCALE_STEPS = 255
 _LEGIBLE_NOISE = 0.05
 """Relative noise up to which the map of differences shows single pixels."""
@@ -98,6 +99,7 @@ def compare_steps(
     *,
     samples: int | None = None,
     run: Runner = in_foreground,
+    ask: Asker = here,
 ) -> PatientSteps[Comparison]:
     """Compare a grid with Cycles in the camera's view; writes the pictures, returns a `Comparison`.
 
@@ -111,6 +113,8 @@ def compare_steps(
         Cycles' paths per pixel; as the scene's render settings have it when not given.
     run
         How the part that never touches Blender is drained.
+    ask
+        Where Cycles is asked.
 
     Raises
     ------
@@ -124,17 +128,17 @@ def compare_steps(
     layers = check_picture(output)
     yield Progress("Evaluating the camera", 0.0)
     camera, hidden, notices = _read_camera(scene, view_layer)
-    arrays = yield from part(export_render_steps(scene, view_layer), 0.0, _EXPORTED)
+    arrays = yield from part(export_render_steps(scene, view_layer, ask, run), 0.0, _EXPORTED)
     shaded, grid_seconds = yield from part(run(_shade_steps(arrays, grid, camera, look_up, hidden)), _EXPORTED, _SHADED)
     settings = grid.record.settings
     rendering = render_steps(
-        scene, view_layer, samples=samples, bounces=settings.bounces, include_direct=settings.include_direct
+        scene, view_layer, samples=samples, bounces=settings.bounces, include_direct=settings.include_direct, ask=ask
     )
     cycles = yield from part(rendering, _SHADED, _RENDERED)
-    yield Progress("Writing the pictures", _RENDERED)
+    agreement = yield from part(run(_measure_and_keep(layers, shaded, cycles)), _RENDERED, _KEPT)
     comparison = Comparison(
         scene=scene.name,
-        agreement=_agreement(shaded, cycles),
+        agreement=agreement,
         samples=cycles.samples,
         grid_seconds=grid_seconds,
         cycles_seconds=cycles.seconds,
@@ -142,23 +146,8 @@ def compare_steps(
         layers=layers,
         notices=merge((*notices, *grid_notices(arrays, grid), *arrays.notices)),
     )
-    _write_layers(layers, shaded, cycles)
-    _write_picture(comparison, scene, grid, shaded, cycles)
+    yield from part(_write_picture(comparison, scene, grid, shaded, cycles, run), _KEPT, 1.0)
     return comparison
-
-
-def check_picture(output: Path) -> Path:
-    """Return where the EXR goes; raises `GridFileError` if either file cannot be written, `SettingsError` if no PNG."""
-    from ..core.grid_file import check_writable
-
-    if output.is_dir():
-        raise GridFileError(f"{output} is a folder: name a picture in it, for instance {output / 'compare.png'}")
-    if output.suffix.lower() != ".png":
-        raise SettingsError(f"{output} does not end in .png: the picture is a PNG, with an EXR beside it")
-    layers = output.with_suffix(".exr")
-    for path in (output, layers):
-        check_writable(path)
-    return layers
 
 
 def grid_notices(scene: Scene, grid: IrradianceVectorGrid) -> list[Notice]:
@@ -205,6 +194,14 @@ def _shade_steps(
     return shaded, time.perf_counter() - start
 
 
+def _measure_and_keep(layers: Path, shaded: Picture, cycles: CyclesPicture) -> Steps[Agreement]:
+    """Compare the two and write the EXR; touches nothing of Blender, so any thread will do."""
+    yield Progress("Writing the layers", 0.0)
+    agreement = _agreement(shaded, cycles)
+    _write_layers(layers, shaded, cycles)
+    return agreement
+
+
 def _agreement(shaded: Picture, cycles: CyclesPicture) -> Agreement:
     """Compare the two over all pixels in which either sees a surface."""
     seen = (shaded.coverage > 0.0) | cycles.color.any(axis=-1)
@@ -245,21 +242,24 @@ def _write_picture(
     grid: IrradianceVectorGrid,
     shaded: Picture,
     cycles: CyclesPicture,
-) -> None:
-    """Write Cycles | grid | difference with the numbers."""
+    run: Runner,
+) -> PatientSteps[None]:
+    """Write Cycles | grid | difference with the numbers, one panel a step."""
     agreement, settings = comparison.agreement, grid.record.settings
+    yield Progress("Writing the pictures", 0.0)
+    truth = display_pixels(cycles.light, scene)
+    yield Progress("Writing the pictures", 0.2)
+    ours = display_pixels(shaded.light, scene)
+    difference = yield from run(_difference_steps(shaded, cycles, agreement.noise))
+    yield Progress("Writing the pictures", 0.6)
     panels = (
-        Panel(
-            "Cycles",
-            f"{cycles.samples:,} samples a pixel, noise {agreement.noise:.1%}",
-            display_pixels(cycles.light, scene),
-        ),
+        Panel("Cycles", f"{cycles.samples:,} samples a pixel, noise {agreement.noise:.1%}", truth),
         Panel(
             "Irradiance vector grid",
             f"{voxels(grid.resolution)} voxels, {count(settings.photons)} photons",
-            display_pixels(shaded.light, scene),
+            ours,
         ),
-        _difference_panel(shaded, cycles, agreement.noise),
+        difference,
     )
     light = "direct and indirect" if settings.include_direct else "indirect"
     write_montage(
@@ -274,6 +274,12 @@ def _write_picture(
             f"grid {duration(comparison.grid_seconds)} after its bake",
         ),
     )
+
+
+def _difference_steps(shaded: Picture, cycles: CyclesPicture, noise: float) -> Steps[Panel]:
+    """Return the map of differences; touches nothing of Blender, so any thread will do."""
+    yield Progress("Writing the pictures", 0.4)
+    return _difference_panel(shaded, cycles, noise)
 
 
 def _difference_panel(shaded: Picture, cycles: CyclesPicture, noise: float) -> Panel:

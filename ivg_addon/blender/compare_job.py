@@ -12,6 +12,7 @@ import bpy
 
 from ..core.progress import Progress
 from . import outcome
+from .asking import Asker, here
 from .grid_store import SUFFIX, compiled_code_folder, keep_compiled_code
 from .jobs import Job, PatientSteps, Runner, Steps
 from .summary import Row
@@ -52,41 +53,41 @@ def picture_of(grid: Path) -> Path:
     return grid.with_name(grid.name.removesuffix(SUFFIX) + ".compare.png")
 
 
-def compare_job(context: bpy.types.Context, request: CompareRequest, run: Runner) -> Job:
+def compare_job(context: bpy.types.Context, request: CompareRequest, run: Runner, ask: Asker = here) -> Job:
     """Return the comparison of the context's scene with a grid.
 
-    Its numbers are then in `scene.ivg.last_compare`. Raises `GridFileError` or `SettingsError` if
-    the picture cannot be written where it should go, `DependencyError` if a library is missing.
+    `run` drains the part that never touches Blender, `ask` says where Cycles is asked. The numbers are then in
+    `scene.ivg.last_compare`. Raises `GridFileError` or `SettingsError` if the picture cannot be written where it should
+    go, `DependencyError` if a library is missing.
     """
-    from .compare import check_picture
+    from .montage import check_picture
 
     if request.points is None:
         check_picture(request.output)
     label = f"Comparing '{context.scene.name}'"
-    return Job(label, _compare_steps(context, request, run), holds_data=True)
+    return Job(label, _compare_steps(context, request, run, ask), holds_data=True)
 
 
-def _compare_steps(context: bpy.types.Context, request: CompareRequest, run: Runner) -> PatientSteps[str]:
+def _compare_steps(context: bpy.types.Context, request: CompareRequest, run: Runner, ask: Asker) -> PatientSteps[str]:
     """Compare and return the outcome in one line."""
-    from .compare import compare_steps
-    from .compare_points import compare_points_steps
-
     scene, view_layer = context.scene, context.view_layer
     grid = yield from run(_load(request.grid, compiled_code_folder()))
     from ..core.picture import LookUp
+    from .compare import compare_steps
+    from .compare_points import compare_points_steps
 
     chosen = {name: getattr(scene.ivg, name) for name in ("spatial", "directional", "normal_bias")}
     look_up = LookUp(**chosen | dict(request.look_up or {}))
     rows: list[Row]
     if request.points is None:
         seen = yield from compare_steps(
-            scene, view_layer, grid, request.output, look_up, samples=request.samples, run=run
+            scene, view_layer, grid, request.output, look_up, samples=request.samples, run=run, ask=ask
         )
         rows, notices, path = seen.rows(), seen.notices, request.output
     else:
         samples = request.samples or DEFAULT_POINT_SAMPLES
         found = yield from compare_points_steps(
-            scene, view_layer, grid, request.points, look_up, samples=samples, run=run
+            scene, view_layer, grid, request.points, look_up, samples=samples, run=run, ask=ask
         )
         rows, notices, path = found.rows(), found.notices, None
     # The outcome keeps the picture's path by itself.
@@ -101,6 +102,6 @@ def _load(path: Path, compiled_code: Path | None) -> Steps[IrradianceVectorGrid]
     """Load a grid, and everything that compiles; touches nothing of Blender."""
     yield Progress("Loading the grid", 0.0)
     keep_compiled_code(compiled_code)
-    from ..core import IrradianceVectorGrid, picture  # noqa: F401 (Numba, a second, not in the window)
+    from ..core import IrradianceVectorGrid, doubled_faces, instancing, picture  # noqa: F401 (Numba: a second)
 
     return IrradianceVectorGrid.load(path)

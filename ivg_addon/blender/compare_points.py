@@ -12,6 +12,7 @@ from ..core.metrics import Agreement
 from ..core.metrics import compare as agreement_of
 from ..core.progress import Progress, part
 from ..core.report import Notice, merge
+from .asking import Asker, here
 from .compare import grid_notices, rmse_words
 from .export import export_render_steps
 from .ground_truth import Measured, irradiance_steps
@@ -72,6 +73,7 @@ def compare_points_steps(
     samples: int = 1024,
     seed: int = 0,
     run: Runner = in_foreground,
+    ask: Asker = here,
 ) -> PatientSteps[PointComparison]:
     """Compare a grid with Cycles at random points within the grid's box; returns a `PointComparison`.
 
@@ -85,6 +87,8 @@ def compare_points_steps(
         Cycles' paths per point.
     run
         How the part that never touches Blender is drained.
+    ask
+        Where Cycles is asked.
 
     Raises
     ------
@@ -93,7 +97,7 @@ def compare_points_steps(
     SettingsError
         No points, settings of the look-up out of range.
     """
-    arrays = yield from part(export_render_steps(scene, view_layer), 0.0, _EXPORTED)
+    arrays = yield from part(export_render_steps(scene, view_layer, ask, run), 0.0, _EXPORTED)
     kinds = yield from part(run(_place_steps(arrays, grid, points, seed)), _EXPORTED, _FOUND)
     settings = grid.record.settings
     middle = 0.5 * (_FOUND + 1.0)
@@ -108,6 +112,7 @@ def compare_points_steps(
             samples=samples,
             bounces=settings.bounces,
             seed=seed,
+            ask=ask,
         )
         truth = yield from part(measuring, low, high)
         agreements.append(_agreement(grid, places, truth, look_up))

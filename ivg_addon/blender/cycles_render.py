@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Generator, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,8 +17,10 @@ from ..core.errors import SceneError
 from ..core.metrics import mean_and_error
 from ..core.progress import Progress
 from ..core.scene import Float32
+from .asking import Asker, Find, here
 from .cycles_stage import Settings, changed, cycles_stage
 from .export_camera import picture_size
+from .jobs import PatientSteps, Steps
 
 _BATCH_SAMPLES = 16
 _MOST_BATCHES = 16
@@ -68,7 +70,8 @@ def render_steps(
     bounces: int = 12,
     include_direct: bool = False,
     seed: int = 0,
-) -> Generator[Progress, None, CyclesPicture]:
+    ask: Asker = here,
+) -> PatientSteps[CyclesPicture]:
     """Render the camera's view by Cycles, one of several independent renders a step.
 
     The file is as it was whenever this yields, ends or fails; only the image "Render Result" shows the last render.
@@ -83,6 +86,8 @@ def render_steps(
         Most bounces of light.
     include_direct
         Add light that comes straight from lights, emissive surfaces and the world.
+    ask
+        Where Cycles is asked.
 
     Raises
     ------
@@ -94,19 +99,40 @@ def render_steps(
     wanted = samples or scene.cycles.samples
     batches = min(max(2, wanted // _BATCH_SAMPLES), _MOST_BATCHES)
     per_batch = -(-wanted // batches)
-    layer_name = view_layer.name
     names = (_INDIRECT, _DIRECT, _COLOR) if include_direct else (_INDIRECT, _COLOR)
+    renders = _Renders(view_layer.name, names, batches, per_batch, bounces, seed)
+    return (yield from ask(_render_all, lambda: [scene], renders))
+
+
+@dataclass(frozen=True)
+class _Renders:
+    """What `render_steps` asks for: `count` renders of `samples` each."""
+
+    layer: str
+    names: tuple[str, ...]
+    count: int
+    samples: int
+    bounces: int
+    seed: int
+
+
+def _render_all(find: Find, renders: _Renders) -> Steps[CyclesPicture]:
+    """Render, one render a step."""
     lights, colors = [], []
     start = time.perf_counter()
-    for batch in range(batches):
+    count, samples = renders.count, renders.samples
+    for index in range(count):
         elapsed = time.perf_counter() - start
         yield Progress(
-            f"Rendering with Cycles ({batch * per_batch} of {batches * per_batch} samples)",
-            batch / batches,
-            elapsed * (batches - batch) / batch if batch else None,
+            f"Rendering with Cycles ({index * samples} of {count * samples} samples)",
+            index / count,
+            elapsed * (count - index) / index if index else None,
+            until=(index + 1) / count,
         )
-        layer = scene.view_layers[layer_name]
-        *parts, color = _render(scene, layer, names, per_batch, bounces, batches * seed + batch)
+        (scene,) = find()
+        layer = scene.view_layers[renders.layer]
+        seed = count * renders.seed + index
+        *parts, color = _render(scene, layer, renders.names, samples, renders.bounces, seed)
         lights.append(sum(parts) * color)
         colors.append(color)
     light, error = mean_and_error(lights)
@@ -114,7 +140,7 @@ def render_steps(
         light=light.astype(np.float32),
         error=error.astype(np.float32),
         color=np.mean(colors, axis=0, dtype=np.float32),
-        samples=batches * per_batch,
+        samples=count * samples,
         seconds=time.perf_counter() - start,
     )
 

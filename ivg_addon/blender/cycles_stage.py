@@ -37,10 +37,31 @@ def cycles_stage(
         raise SceneError("the comparison needs Cycles: enable the add-on 'Cycles Render Engine' in the preferences")
     if any(bpy.app.is_job_running(job) for job in _RENDER_JOBS):
         raise SceneError("a render is running: wait until it is done, or cancel it")
-    with copy_of(scene) as stage:
+    with copy_of(scene) as stage, _world_for_portals(stage):
         layer = stage.view_layers[view_layer.name]
         with changed(truthful(stage, layer, samples=samples, bounces=bounces, seed=seed)):
             yield stage, layer
+
+
+@contextmanager
+def _world_for_portals(stage: bpy.types.Scene) -> Iterator[None]:
+    """Give a stage without a world a black one where there are portals: without any, Cycles crashes (Blender 5.2)."""
+    if stage.world is not None or not any(_is_portal(light) for light in bpy.data.lights):
+        yield
+        return
+    with removed(bpy.data.worlds, _black) as world, changed({(stage, "world"): world}):
+        yield
+
+
+def _is_portal(light: bpy.types.Light) -> bool:
+    return light.type == "AREA" and bool(light.cycles.is_portal)
+
+
+def _black() -> bpy.types.World:
+    """Return a world without light."""
+    world = bpy.data.worlds.new("Black")
+    world.node_tree.nodes.clear()
+    return world
 
 
 @contextmanager
@@ -94,12 +115,16 @@ def truthful(
         (cycles, "blur_glossy"): 0.0,
         (cycles, "time_limit"): 0.0,
         (cycles, "use_layer_samples"): "IGNORE",
+        (cycles, "use_auto_tile"): True,
+        (cycles, "tile_size"): _TILE,
         **{(cycles, f"use_{feature}"): False for feature in _BIASED},
         **{(render, f"use_{feature}"): False for feature in _UNKNOWN_TO_GRIDS},
         **other_layers,
     }
 
 
+_TILE = 512
+"""Pixels along a tile's edge: each tile that is done is told. What is rendered is the same to the bit."""
 _BIASED = ("denoising", "adaptive_sampling", "fast_gi", "animated_seed", "sample_subset")
 _UNKNOWN_TO_GRIDS = ("compositing", "sequencer", "border", "multiview", "motion_blur", "freestyle", "persistent_data")
 

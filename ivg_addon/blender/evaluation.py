@@ -9,9 +9,12 @@ its content, so that an unchanged material is not evaluated twice.
 from __future__ import annotations
 
 import time
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
+from itertools import chain
+from pathlib import Path
 
 import bpy
 import numpy as np
@@ -19,13 +22,15 @@ import numpy as np
 from ..core.errors import SceneError
 from ..core.evaluation_plan import Plan, atlas_uvs, make_plan, renamed, scene_size
 from ..core.instancing import Instances
-from ..core.progress import Progress
+from ..core.progress import Progress, part
 from ..core.report import Notice
+from .asking import Asker, Find, here
 from .cycles_stage import removed
-from .evaluation_cache import Float32, content_key, keep, recall, tree_content
+from .evaluation_cache import Float32, cache_folder, content_key, keep, recall, tree_content
 from .evaluation_mesh import StageArrays, Surroundings, make_mesh, stage_arrays
 from .evaluation_tree import StageMaterial
 from .export_materials import Evaluated, Unevaluated
+from .jobs import PatientSteps, Runner, Steps, in_foreground
 
 _BATCH_TEXELS = 1 << 20
 """Texels that one step bakes, about."""
@@ -81,8 +86,12 @@ class _Work:
 
 
 def evaluation_steps(
-    scene: bpy.types.Scene, pending: Sequence[Unevaluated], around: Surroundings
-) -> Generator[Progress, None, Evaluation]:
+    scene: bpy.types.Scene,
+    pending: Sequence[Unevaluated],
+    around: Surroundings,
+    ask: Asker = here,
+    run: Runner = in_foreground,
+) -> PatientSteps[Evaluation]:
     """Evaluate materials, some of them a step; the file is as it was whenever this yields, ends or fails.
 
     Parameters
@@ -91,6 +100,10 @@ def evaluation_steps(
         Whose frame counts; not evaluated.
     around
         `meshes` are given the coordinates of the atlases.
+    ask
+        Where Cycles is asked.
+    run
+        How the part that never touches Blender is drained.
 
     Raises
     ------
@@ -98,45 +111,88 @@ def evaluation_steps(
         A render is running, or Cycles cannot bake.
     """
     start = time.perf_counter()
-    size = scene_size(around.meshes, around.instances)
-    found: dict[int, list[Float32]] = {}
-    plans: dict[int, Plan] = {}
-    missing: list[_Work] = []
-    notices: list[Notice] = []
     render = scene.render
     conditions = _Conditions(scene.frame_current, scene.frame_subframe, render.threads_mode, render.threads)
-    for entry in pending:
-        yield Progress("Preparing materials", 0.2 * len(plans) / len(pending))
-        plan = make_plan(entry.row, entry.tree.needs.placed, around.meshes, around.instances, size, len(pending))
-        if plan is None:
-            continue
-        plans[entry.row] = plan
-        subject = f"material '{entry.name}'"
-        if plan.unplaced:
-            notices.append(Notice("simplified", subject, "looks the same on all instances: there are too many"))
+    folder = cache_folder()
+    asked: list[tuple[Unevaluated, list[bytes]]] = []
+    notices: list[Notice] = []
+    for number, entry in enumerate(pending):
+        yield Progress("Preparing materials", 0.1 * number / len(pending))
         material = _find(entry.identity)
         if material is None:
-            notices.append(Notice("warning", subject, "was removed while it was read: black"))
-            continue
-        arrays = stage_arrays(plan, entry.tree.needs, around)
-        key = content_key(_content(material, entry, arrays, conditions))
-        kept = recall(key)
-        if kept is not None:
-            found[entry.row] = kept
+            notices.append(Notice("warning", f"material '{entry.name}'", "was removed while it was read: black"))
         else:
-            missing.append(_Work(entry, plan, arrays, key))
-    recalled = len(found)
-    batches = list(_batches(missing))
+            asked.append((entry, list(_content(material, entry, conditions))))
+    prepared = yield from part(run(_prepare(asked, around, folder)), 0.1, 0.2)
+    found = dict(prepared.recalled)
+    batches = list(_batches(prepared.missing))
     for number, batch in enumerate(batches):
-        yield Progress(
-            f"Evaluating materials with Cycles ({number + 1} of {len(batches)})", 0.2 + 0.8 * number / len(batches)
-        )
-        for work, values in zip(batch, _bake(batch, conditions), strict=True):
-            found[work.pending.row] = values
-            keep(work.key, values)
+        task = f"Evaluating materials with Cycles ({number + 1} of {len(batches)})"
+        low, high = (0.2 + 0.8 * share / len(batches) for share in (number, number + 1))
+        baked = yield from part(ask(_bake, partial(_originals, batch), task, batch, conditions), low, high)
+        found |= {work.pending.row: values for work, values in zip(batch, baked, strict=True)}
+        yield from part(run(_keep(task, batch, baked, folder)), high, high)
+    materials, instances = yield from part(run(_gather(prepared.plans, found, around)), 1.0, 1.0)
+    return Evaluation(
+        materials,
+        instances,
+        len(prepared.missing),
+        len(prepared.recalled),
+        time.perf_counter() - start,
+        (*notices, *prepared.notices),
+    )
+
+
+@dataclass(frozen=True)
+class _Prepared:
+    """What is known before Cycles is asked: plans and values by the materials' indices."""
+
+    plans: dict[int, Plan]
+    recalled: dict[int, list[Float32]]
+    missing: list[_Work]
+    notices: list[Notice]
+
+
+def _prepare(asked: Sequence[tuple[Unevaluated, list[bytes]]], around: Surroundings, folder: Path) -> Steps[_Prepared]:
+    """Plan the evaluation of materials, each with its content, and recall what is known. Touches nothing of Blender."""
+    prepared = _Prepared({}, {}, [], [])
+    size = scene_size(around.meshes, around.instances)
+    for number, (entry, content) in enumerate(asked):
+        yield Progress("Preparing materials", number / len(asked))
+        plan = make_plan(entry.row, entry.tree.needs.placed, around.meshes, around.instances, size, len(asked))
+        if plan is None:
+            continue
+        prepared.plans[entry.row] = plan
+        if plan.unplaced:
+            notice = Notice(
+                "simplified", f"material '{entry.name}'", "looks the same on all instances: there are too many"
+            )
+            prepared.notices.append(notice)
+        arrays = stage_arrays(plan, entry.tree.needs, around)
+        key = content_key(chain(content, arrays.content()))
+        kept = recall(key, folder)
+        if kept is not None:
+            prepared.recalled[entry.row] = kept
+        else:
+            prepared.missing.append(_Work(entry, plan, arrays, key))
+    return prepared
+
+
+def _keep(task: str, batch: Sequence[_Work], baked: Sequence[list[Float32]], folder: Path) -> Steps[None]:
+    """Keep what was evaluated. Touches nothing of Blender."""
+    for work, values in zip(batch, baked, strict=True):
+        yield Progress(task, 0.0)
+        keep(work.key, values, folder)
+
+
+def _gather(
+    plans: dict[int, Plan], found: dict[int, list[Float32]], around: Surroundings
+) -> Steps[tuple[dict[int, Evaluated], list[Instances]]]:
+    """Make meshes and instances read the atlases. Touches nothing of Blender."""
     names: dict[tuple[int, int | None, int], str] = {}
-    materials = {}
+    materials: dict[int, Evaluated] = {}
     for row, values in found.items():
+        yield Progress("Placing materials", len(materials) / len(found))
         plan = plans[row]
         for number, (patch, uvs) in enumerate(zip(plan.patches, atlas_uvs(plan, around.meshes), strict=True)):
             name = f"atlas {row} {number}"
@@ -144,31 +200,21 @@ def evaluation_steps(
             names |= {(index, patch.place, row): name for index in patch.instances}
         texels, _ = plan.atlas.texels()
         materials[row] = Evaluated(plan.atlas, texels, [array.astype(np.float64) for array in values])
-    return Evaluation(
-        materials,
-        renamed(around.instances, names),
-        len(missing),
-        recalled,
-        time.perf_counter() - start,
-        tuple(notices),
-    )
+    return materials, renamed(around.instances, names)
 
 
 def _find(identity: int) -> bpy.types.Material | None:
     return next((material for material in bpy.data.materials if material.session_uid == identity), None)
 
 
-def _content(
-    material: bpy.types.Material, entry: Unevaluated, arrays: StageArrays, conditions: _Conditions
-) -> Iterator[bytes]:
-    """Return all on which a material's values depend."""
+def _content(material: bpy.types.Material, entry: Unevaluated, conditions: _Conditions) -> Iterator[bytes]:
+    """Return all on which a material's values depend, but for the mesh."""
     leaves = [(leaf.groups, leaf.node, leaf.socket, leaf.colour, leaf.side) for leaf in entry.tree.leaves]
     yield f"{_VERSION} {bpy.app.version} {leaves} {material.pass_index}".encode()
     tree = material.node_tree
     if entry.tree.needs.animated or tree.animation_data is not None:
         yield f"frame {conditions.frame} {conditions.subframe}".encode()
     yield from tree_content(tree)
-    yield from arrays.content()
 
 
 def _batches(missing: Sequence[_Work]) -> Iterator[list[_Work]]:
@@ -186,8 +232,20 @@ def _batches(missing: Sequence[_Work]) -> Iterator[list[_Work]]:
         yield batch
 
 
-def _bake(batch: Sequence[_Work], conditions: _Conditions) -> list[list[Float32]]:
+def _originals(batch: Sequence[_Work]) -> list[bpy.types.Material]:
+    """Return the materials of a batch, which undo may have moved in memory."""
+    found = []
+    for work in batch:
+        original = _find(work.pending.identity)
+        if original is None:
+            raise SceneError(f"material '{work.pending.name}' was removed while it was evaluated: bake again")
+        found.append(original)
+    return found
+
+
+def _bake(find: Find, task: str, batch: Sequence[_Work], conditions: _Conditions) -> Steps[list[list[Float32]]]:
     """Return the values of each material's leaves, (k, 3) or (k, 1)."""
+    yield Progress(task, 0.0)
     if any(bpy.app.is_job_running(job) for job in ("RENDER", "OBJECT_BAKE")):
         raise SceneError("a render is running: wait until it is done, or cancel it")
     values: list[list[Float32]] = [
@@ -200,10 +258,7 @@ def _bake(batch: Sequence[_Work], conditions: _Conditions) -> list[list[Float32]
         shown = stack.enter_context(removed(bpy.data.objects, lambda: bpy.data.objects.new("Stage", mesh)))
         stage.collection.objects.link(shown)
         materials = []
-        for work in batch:
-            original = _find(work.pending.identity)
-            if original is None:
-                raise SceneError(f"material '{work.pending.name}' was removed while it was evaluated: bake again")
+        for original, work in zip(find(), batch, strict=True):
             size = (work.plan.atlas.width, work.plan.atlas.height)
             materials.append(StageMaterial(stack, original, work.pending.tree.leaves, size))
             mesh.materials.append(materials[-1].material)

@@ -30,12 +30,12 @@ _SKIPPED = {
 _memory: OrderedDict[str, list[Float32]] = OrderedDict()
 
 
-def recall(key: str) -> list[Float32] | None:
-    """Return what was kept under a key, if anything."""
+def recall(key: str, folder: Path) -> list[Float32] | None:
+    """Return what was kept under a key, if anything. Touches nothing of Blender."""
     if key in _memory:
         _memory.move_to_end(key)
         return _memory[key]
-    path = _folder() / (key + _SUFFIX)
+    path = folder / (key + _SUFFIX)
     try:
         with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
             arrays = [file[f"arr_{index}"] for index in range(len(file.files))]
@@ -46,10 +46,9 @@ def recall(key: str) -> list[Float32] | None:
     return arrays
 
 
-def keep(key: str, arrays: list[Float32]) -> None:
-    """Keep arrays under a key; the oldest ones make room."""
+def keep(key: str, arrays: list[Float32], folder: Path) -> None:
+    """Keep arrays under a key; the oldest ones make room. Touches nothing of Blender."""
     _hold(key, arrays)
-    folder = _folder()
     fresh = folder / f".{key}.new"
     try:
         with fresh.open("wb") as file:
@@ -72,7 +71,8 @@ def _hold(key: str, arrays: list[Float32]) -> None:
         _memory.popitem(last=False)
 
 
-def _folder() -> Path:
+def cache_folder() -> Path:
+    """Return where arrays are kept from session to session."""
     return user_folder("materials")
 
 

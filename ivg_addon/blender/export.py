@@ -7,7 +7,7 @@ world space of it. Closing the generators at any step leaves nothing behind in B
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import TypeVar
 
@@ -23,6 +23,7 @@ from ..core.memory import human
 from ..core.progress import Progress, part
 from ..core.report import Notice, merge
 from ..core.scene import Int32, Scene, SurfaceRecord
+from .asking import Asker, here
 from .evaluation import Evaluation, evaluation_steps
 from .evaluation_data import ObjectLook, SurfaceData
 from .evaluation_mesh import Surroundings
@@ -30,12 +31,12 @@ from .export_depsgraph import with_render_depsgraph
 from .export_geometry import GeometryReader
 from .export_lights import export_lights
 from .export_materials import MaterialTable
+from .jobs import PatientSteps, Runner, Steps, in_foreground
 from .light_linking import LinkingReader
 from .light_nodes import NodeLight, light_node_steps
 from .world_map import WorldLight, world_steps
 
 Result = TypeVar("Result")
-Steps = Generator[Progress, None, Result]
 
 _WORLD, _READING, _PLACING = 0.2, 0.4, 0.7
 """Shares of the whole after which the world is evaluated, the scene read, and its materials are evaluated."""
@@ -68,12 +69,21 @@ def export_steps(depsgraph: bpy.types.Depsgraph) -> Steps[Scene]:
     return (yield from _build_steps(reading, depsgraph.scene.name, None))
 
 
-def export_render_steps(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> Steps[Scene]:
+def export_render_steps(
+    scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer, ask: Asker = here, run: Runner = in_foreground
+) -> PatientSteps[Scene]:
     """Return what a render of a view layer would show, in steps.
 
     The first steps ask Cycles about lights, and a world, whose nodes are no constants. The next evaluates the scene and
     reads all of it, for nothing may change in between; Esc stops it. Then Cycles is asked for materials that are
     more than constants and images. The last steps no longer need Blender.
+
+    Parameters
+    ----------
+    ask
+        Where Cycles is asked.
+    run
+        How the part that never touches Blender is drained.
 
     Raises
     ------
@@ -85,9 +95,9 @@ def export_render_steps(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer)
         When the geometry with all instances does not fit.
     """
     name, identity, layer_name = scene.name, scene.session_uid, view_layer.name
-    node_lights = yield from light_node_steps(scene, view_layer)
+    node_lights = yield from light_node_steps(scene, view_layer, ask)
     scene = _find_scene(name, identity)
-    world = yield from part(world_steps(scene, scene.view_layers[layer_name]), 0.0, _WORLD)
+    world = yield from part(world_steps(scene, scene.view_layers[layer_name], ask), 0.0, _WORLD)
     yield Progress("Evaluating the scene", _WORLD)
     scene = _find_scene(name, identity)
     view_layer = scene.view_layers[layer_name]
@@ -100,9 +110,9 @@ def export_render_steps(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer)
     evaluation = None
     if pending:
         around = Surroundings(reading.meshes, reading.instances, reading.data, reading.looks)
-        steps = evaluation_steps(_find_scene(name, identity), pending, around)
+        steps = evaluation_steps(_find_scene(name, identity), pending, around, ask, run)
         evaluation = yield from part(steps, _READING, _PLACING)
-    return (yield from _build_steps(reading, name, evaluation))
+    return (yield from run(_build_steps(reading, name, evaluation)))
 
 
 @dataclass(frozen=True)
@@ -164,6 +174,7 @@ def _read_steps(
 
 def _build_steps(reading: _Reading, name: str, evaluation: Evaluation | None) -> Steps[Scene]:
     """Make the scene of what was read and evaluated. Touches no Blender data."""
+    yield Progress("Placing geometry", _PLACING)
     instances = reading.instances if evaluation is None else evaluation.instances
     flattened = yield from part(flatten_steps(reading.meshes, instances), _PLACING, 1.0)
     if not flattened.geometry.triangle_count:
@@ -172,6 +183,7 @@ def _build_steps(reading: _Reading, name: str, evaluation: Evaluation | None) ->
             f"scene '{name}' has no mesh, curve, surface, text, hair or point cloud that light could meet: "
             + (f"all {bad:,} triangles are without area or not finite" if bad else "add one, or show it in renders")
         )
+    yield Progress("Placing materials", 1.0)
     materials, textures, notices = reading.materials.finish({} if evaluation is None else evaluation.materials)
     if evaluation is not None:
         notices = (*notices, *evaluation.notices)

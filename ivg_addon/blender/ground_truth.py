@@ -9,7 +9,7 @@ see them, or the bake returns zeros.) A white diffuse surface reflects E/π.
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import Literal
@@ -21,7 +21,9 @@ from numpy.typing import ArrayLike, NDArray
 from ..core.errors import SceneError, SettingsError
 from ..core.metrics import mean_and_error
 from ..core.progress import Progress, finish
+from .asking import Asker, Find, here
 from .cycles_stage import changed, cycles_stage, removed
+from .jobs import PatientSteps, Steps
 
 Float64 = NDArray[np.float64]
 Component = Literal["INDIRECT", "DIRECT", "ALL"]
@@ -89,7 +91,8 @@ def irradiance_steps(
     bounces: int = 12,
     seed: int = 0,
     batches: int = BATCHES,
-) -> Generator[Progress, None, Measured]:
+    ask: Asker = here,
+) -> PatientSteps[Measured]:
     """Measure irradiance by Cycles, one bake a step; the file is as it was whenever this yields, ends or fails.
 
     Parameters
@@ -107,6 +110,8 @@ def irradiance_steps(
         Most bounces of light before it arrives.
     batches
         Two or more; few where the scatter over many points tells more than that over the batches of each.
+    ask
+        Where Cycles is asked.
 
     Raises
     ------
@@ -116,13 +121,29 @@ def irradiance_steps(
         Shapes that do not agree, nothing to measure, values that are not finite, normals of length zero.
     """
     p, n = _checked(points, normals)
-    layer_name = (view_layer or _view_layer(scene)).name
+    layer = (view_layer or _view_layer(scene)).name
     per_corner = max(1, math.ceil(samples / (batches * _CORNERS)))
+    seeds = range(batches * seed, batches * (seed + 1))
+    return (yield from ask(_bake_all, lambda: [scene], layer, p, n, component, per_corner, bounces, seeds))
+
+
+def _bake_all(
+    find: Find,
+    layer: str,
+    points: Float64,
+    normals: Float64,
+    component: Component,
+    samples: int,
+    bounces: int,
+    seeds: range,
+) -> Steps[Measured]:
+    """Bake, once with every seed."""
     found = []
-    for batch in range(batches):
-        yield Progress(f"Asking Cycles at {len(p):,} points", batch / batches)
-        layer = scene.view_layers[layer_name]
-        found.append(bake_irradiance(scene, layer, p, n, component, per_corner, bounces, batches * seed + batch))
+    for number, seed in enumerate(seeds):
+        yield Progress(f"Asking Cycles at {len(points):,} points", number / len(seeds))
+        (scene,) = find()
+        view_layer = scene.view_layers[layer]
+        found.append(bake_irradiance(scene, view_layer, points, normals, component, samples, bounces, seed))
     return Measured(*mean_and_error(found))
 
 

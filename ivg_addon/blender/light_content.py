@@ -30,10 +30,10 @@ def _trees_in(tree: bpy.types.NodeTree) -> Iterator[bpy.types.NodeTree]:
             yield from _trees_in(node.node_tree)
 
 
-def light_key(light: bpy.types.Light, matrix: Float64, scene: bpy.types.Scene) -> str:
+def light_key(light: bpy.types.Light, matrix: Float64, frame: int, shading_system: bool) -> str:
     """Return a digest of all that a measurement depends on."""
     shape = [getattr(light, name, None) for name in _SHAPE]
-    parts = [repr(shape), matrix.round(6).tolist(), scene.cycles.shading_system, *tree_content(light.node_tree)]
+    parts = [repr(shape), matrix.round(6).tolist(), shading_system, *tree_content(light.node_tree)]
     if light.animation_data is not None or any(tree.animation_data is not None for tree in _trees_in(light.node_tree)):
-        parts.append(f"frame {scene.frame_current}")
+        parts.append(f"frame {frame}")
     return hashlib.blake2b(repr(parts).encode(), digest_size=16).hexdigest()

@@ -15,9 +15,10 @@ from __future__ import annotations
 
 import math
 from collections import OrderedDict
-from collections.abc import Generator, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import partial
 
 import bpy
 import mathutils
@@ -27,11 +28,13 @@ from numpy.typing import NDArray
 from ..core.lights import Pattern
 from ..core.progress import Progress
 from ..core.report import Notice
+from .asking import Asker, Find, here
 from .cycles_stage import removed
 from .emission_nodes import constant_emission
 from .export_colours import ColourReader, Notes
 from .export_images import ImageTable
 from .ground_truth import bake_irradiance
+from .jobs import PatientSteps, Steps
 from .light_content import light_key, nodes_in
 
 Float64 = NDArray[np.float64]
@@ -75,6 +78,14 @@ class NodeLight:
     notices: tuple[Notice, ...]
 
 
+@dataclass(frozen=True)
+class _Conditions:
+    """What of the scene a measurement depends on."""
+
+    frame: int
+    shading_system: bool
+
+
 def uses_nodes(light: bpy.types.Light) -> bool:
     """Tell whether a light's node tree counts; from Blender 5.2 on it always does."""
     if light.node_tree is None:
@@ -101,8 +112,8 @@ def half_angle(light: bpy.types.Light, matrix: Float64) -> float:
 
 
 def light_node_steps(
-    scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer
-) -> Generator[Progress, None, dict[str, NodeLight]]:
+    scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer, ask: Asker = here
+) -> PatientSteps[dict[str, NodeLight]]:
     """Measure the lights of a scene whose nodes are no constant; return what was found by the objects' full names.
 
     The file is as it was whenever this yields, ends or fails.
@@ -116,27 +127,35 @@ def light_node_steps(
     made: dict[str, tuple[Float64, Pattern | None]] = {}
     if not hasattr(scene, "cycles"):
         return found
-    names = [shown.name_full for shown in _lights(scene) if _varies(shown.data)]
-    if names:
+    conditions = _Conditions(scene.frame_current, scene.cycles.shading_system)
+    lights = [shown for shown in _lights(scene) if _varies(shown.data)]
+    if lights:
         view_layer.update()  # places of objects are those of the last evaluation
-    for index, name in enumerate(names):
-        shown = next((item for item in bpy.data.objects if item.name_full == name), None)
-        if shown is None or shown.type != "LIGHT":
-            continue
-        matrix = _matrix(shown)
-        if not np.isfinite(matrix).all() or not abs(np.linalg.det(matrix[:3, :3])) > 0.0:
-            continue
-        key = light_key(shown.data, matrix, scene)
-        if key not in _known:
-            yield Progress(f"Evaluating light '{shown.name}' by Cycles ({index + 1} of {len(names)})", 0.0)
-            _known[key] = _measure(scene, shown, matrix)
-        _known.move_to_end(key)
-        while len(_known) > _KEPT:
-            _known.popitem(last=False)
-        if key not in made:
-            made[key] = _colour_or_pattern(shown.data, matrix, _known[key])
-        found[name] = _node_light(shown, *made[key], half_angle(shown.data, matrix))
+    # All that is needed of the scene, before the user can change it.
+    asked = [
+        (shown.name_full, shown.name, matrix)
+        for shown in lights
+        if np.isfinite(matrix := _matrix(shown)).all() and abs(np.linalg.det(matrix[:3, :3])) > 0.0
+    ]
+    for index, (full_name, name, matrix) in enumerate(asked):
+        find = partial(_found_light, full_name)
+        task = f"Evaluating light '{name}' by Cycles ({index + 1} of {len(asked)})"
+        key = next((light_key(light, matrix, conditions.frame, conditions.shading_system) for light in find()), "")
+        if key and key not in _known:
+            _known[key] = yield from ask(_measure, find, task, name, matrix, conditions)
+        for light in find() if key else ():
+            _known.move_to_end(key)
+            while len(_known) > _KEPT:
+                _known.popitem(last=False)
+            if key not in made:
+                made[key] = _colour_or_pattern(light, matrix, _known[key])
+            found[full_name] = _node_light(name, light, *made[key], half_angle(light, matrix))
     return found
+
+
+def _found_light(name: str) -> list[bpy.types.Light]:
+    """Return the light of an object by its full name, for undo may have moved it; none if it was removed."""
+    return [shown.data for shown in bpy.data.objects if shown.name_full == name and shown.type == "LIGHT"][:1]
 
 
 def _lights(scene: bpy.types.Scene) -> Iterator[bpy.types.Object]:
@@ -184,13 +203,15 @@ def _matrix(shown: bpy.types.Object) -> Float64:
     return np.diag([*scale, 1.0])
 
 
-def _measure(scene: bpy.types.Scene, shown: bpy.types.Object, matrix: Float64) -> NDArray[np.float32]:
+def _measure(find: Find, task: str, name: str, matrix: Float64, conditions: _Conditions) -> Steps[NDArray[np.float32]]:
     """Return what a light's nodes multiply its light by, (rows, columns, 3), as Cycles has it."""
-    places, normals = _quads(shown.data, matrix)
+    yield Progress(task, 0.0)
+    (light,) = find()
+    places, normals = _quads(light, matrix)
     points = places.reshape(-1, 3)
-    with _stage(scene, shown, matrix) as stage:
+    with _stage(light, name, matrix, conditions) as stage:
         found = bake_irradiance(
-            stage, stage.view_layers[0], points, normals.reshape(-1, 3), "DIRECT", 1, 0, scene.frame_current
+            stage, stage.view_layers[0], points, normals.reshape(-1, 3), "DIRECT", 1, 0, conditions.frame
         )
     return found.reshape(places.shape).astype(np.float32)
 
@@ -216,15 +237,15 @@ def _sizes(light: bpy.types.AreaLight) -> tuple[float, float]:
 
 
 @contextmanager
-def _stage(scene: bpy.types.Scene, shown: bpy.types.Object, matrix: Float64) -> Iterator[bpy.types.Scene]:
+def _stage(original: bpy.types.Light, name: str, matrix: Float64, conditions: _Conditions) -> Iterator[bpy.types.Scene]:
     """Set up a scene in which a light's copy gives every quad an irradiance of one, but for its nodes."""
     data = bpy.data
     with ExitStack() as stack:
         stage = stack.enter_context(removed(data.scenes, lambda: data.scenes.new("Light")))
-        light = stack.enter_context(removed(data.lights, shown.data.copy))
-        stage.frame_current = scene.frame_current
+        light = stack.enter_context(removed(data.lights, original.copy))
+        stage.frame_current = conditions.frame
         stage.cycles.light_sampling_threshold = 0.0
-        stage.cycles.shading_system = scene.cycles.shading_system
+        stage.cycles.shading_system = conditions.shading_system
         light.color, light.exposure, light.use_temperature, light.normalize = (1.0, 1.0, 1.0), 0.0, False, True
         light.use_shadow, light.cycles.max_bounces = True, 1024
         if light.type == "AREA":
@@ -236,7 +257,7 @@ def _stage(scene: bpy.types.Scene, shown: bpy.types.Object, matrix: Float64) -> 
             light.angle, light.energy = 0.0, 1.0
         else:
             light.shadow_soft_size, light.energy = 0.0, 4.0 * math.pi
-        made = stack.enter_context(removed(data.objects, lambda: data.objects.new(shown.name, light)))
+        made = stack.enter_context(removed(data.objects, lambda: data.objects.new(name, light)))
         made.matrix_world = mathutils.Matrix(matrix)
         stage.collection.objects.link(made)
         yield stage
@@ -256,10 +277,10 @@ def _colour_or_pattern(
     return np.ones(3), Pattern(np.maximum(factor, 0.0))
 
 
-def _node_light(shown: bpy.types.Object, colour: Float64, pattern: Pattern | None, angle: float) -> NodeLight:
+def _node_light(name: str, light: bpy.types.Light, colour: Float64, pattern: Pattern | None, angle: float) -> NodeLight:
     """Say what the pattern cannot hold."""
-    notes = Notes(f"light '{shown.name}'")
-    _note_limits(shown.data, notes)
+    notes = Notes(f"light '{name}'")
+    _note_limits(light, notes)
     return NodeLight(colour, pattern, angle, notes.notices)
 
 

@@ -14,7 +14,7 @@ import imbuf
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import GridFileError
+from ..core.errors import GridFileError, SettingsError
 from .cycles_stage import removed
 
 Float64 = NDArray[np.float64]
@@ -63,6 +63,20 @@ class _Text:
     color: tuple[float, float, float]
     most_width: float
     anchor: float = 0.0
+
+
+def check_picture(output: Path) -> Path:
+    """Return where the EXR goes; raises `GridFileError` if either file cannot be written, `SettingsError` if no PNG."""
+    from ..core.grid_file import check_writable
+
+    if output.is_dir():
+        raise GridFileError(f"{output} is a folder: name a picture in it, for instance {output / 'compare.png'}")
+    if output.suffix.lower() != ".png":
+        raise SettingsError(f"{output} does not end in .png: the picture is a PNG, with an EXR beside it")
+    layers = output.with_suffix(".exr")
+    for path in (output, layers):
+        check_writable(path)
+    return layers
 
 
 def write_montage(path: Path, heading: str, subheading: str, panels: Sequence[Panel], footer: Sequence[str]) -> None:

@@ -13,7 +13,7 @@ import math
 import tempfile
 import time
 from collections import OrderedDict
-from collections.abc import Generator, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -25,15 +25,15 @@ from ..core.environment import EnvironmentMap, Float32, Spot, bright_spots, clea
 from ..core.errors import SceneError
 from ..core.progress import Progress
 from ..core.report import Notice, merge
+from .asking import Asker, Find, here
 from .cycles_render import no_new_result
 from .cycles_stage import changed, removed, truthful
 from .emission_nodes import constant_emission
 from .export_colours import ColourReader, Notes
 from .export_images import ImageTable
+from .jobs import PatientSteps, Steps
 from .world_content import images_in, trees_in, world_key
 from .world_tree import as_diffuse_rays_see
-
-Steps = Generator[Progress, None, "WorldLight | None"]
 
 _WIDTH = 2048
 """Texels around: 0.18° each. A grid of irradiance knows no finer directions."""
@@ -42,7 +42,7 @@ _IMAGE_SAMPLES = 2.0
 """Samples for each pixel of the largest image in the nodes: a sun may be a single one."""
 _MOST_SAMPLES = 64
 _SAMPLES_A_STEP = 1 << 25
-"""Between two steps one can cancel: some seconds of rendering."""
+"""A bound on memory, and where Cycles is asked in this Blender, on how long Esc waits: some seconds."""
 _SPOT_TEXELS = 1 << 16
 """Texels of a spot's own map, about."""
 _SPOT_SAMPLES = 16
@@ -83,6 +83,7 @@ class _Conditions:
     subframe: float
     device: str
     shading_system: bool
+    width: int
     samples: int
     tiny_suns: bool
 
@@ -101,8 +102,15 @@ def lights_diffuse(world: bpy.types.World) -> bool:
     return bool(world.cycles_visibility.diffuse) if hasattr(world, "cycles_visibility") else True
 
 
-def world_steps(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> Steps:
+def world_steps(
+    scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer, ask: Asker = here
+) -> PatientSteps[WorldLight | None]:
     """Evaluate the world if it is anything but one colour; the file is as it was whenever this yields, ends or fails.
+
+    Parameters
+    ----------
+    ask
+        Where Cycles is asked.
 
     Returns
     -------
@@ -129,10 +137,12 @@ def world_steps(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> Step
         subframe=scene.frame_subframe,
         device=scene.cycles.device,
         shading_system=scene.cycles.shading_system,
+        width=_WIDTH,
         samples=_samples(world),
         tiny_suns=_has_tiny_suns(world),
     )
-    maps, doubts = yield from _maps(conditions, world.name_full, subject)
+    name = world.name_full
+    maps, doubts = yield from ask(_maps, lambda: [_found(name)], conditions, subject)
     light = WorldLight(maps, merge([*about, *doubts]), time.perf_counter() - start)
     _known[key] = light
     while len(_known) > _KEPT:
@@ -149,29 +159,27 @@ def _varies(world: bpy.types.World) -> bool:
     return any(notice.kind != "left out" for notice in notes.notices)
 
 
-def _maps(
-    conditions: _Conditions, name: str, subject: str
-) -> Generator[Progress, None, tuple[tuple[EnvironmentMap, ...], list[Notice]]]:
+def _maps(find: Find, conditions: _Conditions, subject: str) -> Steps[tuple[tuple[EnvironmentMap, ...], list[Notice]]]:
     """Render a world, one band of latitudes or one spot a step."""
-    height, samples = _WIDTH // 2, conditions.samples
-    bands = max(1, 2 ** math.ceil(math.log2(_WIDTH * height * samples / _SAMPLES_A_STEP)))
+    width, height, samples = conditions.width, conditions.width // 2, conditions.samples
+    bands = max(1, 2 ** math.ceil(math.log2(width * height * samples / _SAMPLES_A_STEP)))
     rows = []
     for band in range(bands):
-        yield Progress(_TASK, 0.8 * band / bands)
-        view = _View((_WIDTH, height // bands), latitude=(_height(band / bands), _height((band + 1) / bands)))
-        rows.append(_render(conditions, _found(name), view, samples))
+        yield Progress(_TASK, 0.8 * band / bands, until=0.8 * (band + 1) / bands)
+        view = _View((width, height // bands), latitude=(_height(band / bands), _height((band + 1) / bands)))
+        rows.append(_render(conditions, find()[0], view, samples))
     whole = cleaned(np.concatenate(rows))
     sky = EnvironmentMap(whole.radiance)
-    tiny = (yield from _tiny_suns(conditions, name)) if conditions.tiny_suns else []
+    tiny = (yield from _tiny_suns(find, conditions)) if conditions.tiny_suns else []
     spots = disjoint([*tiny, *bright_spots(sky)])
     maps = [without_spots(sky, spots)]
     for index, spot in enumerate(spots):
         yield Progress(f"{_TASK}: bright spot {index + 1} of {len(spots)}", 0.9 + 0.1 * index / len(spots))
-        patch = _finer(conditions, _found(name), sky, spot)
+        patch = _finer(conditions, find()[0], sky, spot)
         # What is tiny even here, the smallest of suns, once more.
         smaller = bright_spots(patch)
         maps.append(without_spots(patch, smaller))
-        maps.extend(_finer(conditions, _found(name), patch, one) for one in smaller)
+        maps.extend(_finer(conditions, find()[0], patch, one) for one in smaller)
     doubts = _doubts(subject, whole.not_numbers, whole.negative, sky.radiance.shape)
     return tuple(one for one in maps if one.shines()), list(doubts)
 
@@ -181,12 +189,12 @@ def _height(share: float) -> float:
     return math.pi * (share - 0.5)
 
 
-def _tiny_suns(conditions: _Conditions, name: str) -> Generator[Progress, None, list[Spot]]:
+def _tiny_suns(find: Find, conditions: _Conditions) -> Steps[list[Spot]]:
     """Return where the discs of Sky Textures are that the map of the whole sphere may have overlooked."""
     yield Progress(f"{_TASK}: small suns", 0.85)
     view = _View((_SEARCH_WIDTH, _SEARCH_WIDTH // 2))
-    found = cleaned(_render(conditions, _found(name), view, _SAMPLES, _SEARCH_SUN))
-    return [spot.scaled(_WIDTH // _SEARCH_WIDTH) for spot in bright_spots(EnvironmentMap(found.radiance))]
+    found = cleaned(_render(conditions, find()[0], view, _SAMPLES, _SEARCH_SUN))
+    return [spot.scaled(conditions.width // _SEARCH_WIDTH) for spot in bright_spots(EnvironmentMap(found.radiance))]
 
 
 def _found(name: str) -> bpy.types.World:

@@ -28,14 +28,17 @@ class Progress:
         Share of the whole work that is done, 0 to 1.
     seconds_left
         Estimate for the whole work, or None while nothing is known.
+    until
+        Share that is done when the next progress comes, where that is known and takes long.
     """
 
     task: str
     fraction: float
     seconds_left: float | None = None
+    until: float | None = None
 
 
-def finish(steps: Generator[Progress, None, Result]) -> Result:
+def finish(steps: Generator[Moment, None, Result]) -> Result:
     """Run long work to its end, without showing anything, and return its result."""
     while True:
         try:
@@ -55,5 +58,9 @@ def part(steps: Generator[Moment, None, Result], low: float, high: float) -> Gen
                 result: Result = end.value
                 return result
             if progress is not None:
-                progress = replace(progress, fraction=low + (high - low) * progress.fraction)
+                progress = replace(
+                    progress,
+                    fraction=low + (high - low) * progress.fraction,
+                    until=None if progress.until is None else low + (high - low) * progress.until,
+                )
             yield progress

@@ -219,11 +219,11 @@ def test_the_cache_is_bounded(monkeypatch: pytest.MonkeyPatch, kept_materials: P
     monkeypatch.setattr(evaluation_cache, "_MEMORY_BYTES", 3000)
     monkeypatch.setattr(evaluation_cache, "_DISK_BYTES", 10_000)
     for index in range(20):
-        evaluation_cache.keep(f"key{index}", [np.zeros(250, dtype=np.float32)])
+        evaluation_cache.keep(f"key{index}", [np.zeros(250, dtype=np.float32)], kept_materials)
     assert sum(array.nbytes for kept in evaluation_cache._memory.values() for array in kept) <= 3000
     assert sum(path.stat().st_size for path in kept_materials.iterdir()) <= 10_000
-    assert evaluation_cache.recall("key19") is not None
-    assert evaluation_cache.recall("key0") is None
+    assert evaluation_cache.recall("key19", kept_materials) is not None
+    assert evaluation_cache.recall("key0", kept_materials) is None
 
 
 def test_nothing_of_it_stays_in_the_file() -> None:

@@ -4,6 +4,9 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -117,6 +120,50 @@ def test_nothing_of_the_users_file_changes() -> None:
     drain(irradiance_steps(scene, *places(3, 0.2, 0.9), samples=32))
     assert snapshot(scene) == before, "done"
     bpy.ops.object.mode_set(mode="OBJECT")
+
+
+_PORTAL = """
+import bpy
+import numpy as np
+from ivg_addon.blender.ground_truth import cycles_irradiance, irradiance_steps
+from tests.blender.cycles_scenes import lit_room, snapshot
+
+scene = lit_room()
+scene.world = None
+bpy.data.objects.remove(bpy.data.objects["Walls"])  # rays must escape
+portal = bpy.data.lights.new("Portal", "AREA")
+portal.cycles.is_portal = True
+scene.collection.objects.link(bpy.data.objects.new("Portal", portal))
+if {rigid}:
+    bpy.ops.rigidbody.world_add()
+before = snapshot(scene)
+steps = irradiance_steps(scene, [[1.0, 0.5, 1.0]], [[0.0, 0.0, 1.0]], component="ALL", samples=32)
+next(steps)
+next(steps)
+steps.close()
+assert snapshot(scene) == before, "closed early"
+try:
+    irradiance_steps.__globals__["_FILTERS"]["INDIRECT"] = set()
+    cycles_irradiance(scene, [[1.0, 0.5, 1.0]], [[0.0, 0.0, 1.0]])
+except Exception as error:
+    assert "cannot bake" in str(error), error
+assert snapshot(scene) == before, "failed"
+found = cycles_irradiance(scene, [[1.0, 0.5, 1.0]], [[0.0, 0.0, 1.0]], component="ALL", samples=32)
+assert found.all(), found
+assert snapshot(scene) == before, "done"
+"""
+
+
+@pytest.mark.parametrize("rigid", [False, True])
+def test_a_portal_needs_no_world(rigid: bool) -> None:
+    """Without any world, rays that escape crash Cycles: in a process of its own.
+
+    With rigid bodies the scene is its own stage.
+    """
+    root = Path(__file__).resolve().parents[2]
+    code = _PORTAL.format(rigid=rigid)
+    ended = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True, timeout=120)
+    assert ended.returncode == 0, ended.stderr[-2000:]
 
 
 def test_nothing_changes_when_it_fails(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -65,8 +65,8 @@ def test_a_sun_turned_by_a_degree_fails(monkeypatch: pytest.MonkeyPatch) -> None
     case = WORLD_CASES[0]
     right = world_map.world_steps
 
-    def aside(scene, view_layer):
-        light = yield from right(scene, view_layer)
+    def aside(scene, view_layer, ask):
+        light = yield from right(scene, view_layer, ask)
         turned = [replace(one, longitude=(one.longitude[0] + 0.05, one.longitude[1] + 0.05)) for one in light.maps]
         return replace(light, maps=tuple(turned))
 

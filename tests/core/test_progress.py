@@ -8,7 +8,7 @@ from collections.abc import Generator
 import pytest
 
 from ivg_addon.core.errors import SceneError
-from ivg_addon.core.progress import Progress, finish
+from ivg_addon.core.progress import Progress, finish, part
 
 
 def work(steps: int) -> Generator[Progress, None, str]:
@@ -29,3 +29,12 @@ def test_finish_hands_on_what_goes_wrong() -> None:
 
     with pytest.raises(SceneError, match="no light"):
         finish(fails())
+
+
+def test_a_part_scales_how_far_it_is_and_how_far_it_comes() -> None:
+    def steps() -> Generator[Progress | None, None, None]:
+        yield Progress("Working", 0.5, until=1.0)
+        yield None
+        yield Progress("Working", 1.0)
+
+    assert list(part(steps(), 0.2, 0.6)) == [Progress("Working", 0.4, until=0.6), None, Progress("Working", 0.6)]
