@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""From a Blender scene to its grid file: export, bake, write, remember.
+"""From a Blender scene to its grid: export, bake, write, store in the .blend, remember.
 
-The scene is read on the main thread; baking and writing go where the runner says. The new file
-takes the place of the old one at the very end, together with the summary, so a bake that fails or
-is cancelled changes nothing.
+The scene is read on the main thread; baking and writing go where the runner says. The new files
+take the place of the old ones at the very end, together with datablocks and summary, so a bake
+that fails or is cancelled changes nothing.
 """
 
 from __future__ import annotations
@@ -17,17 +17,21 @@ from typing import TYPE_CHECKING
 
 import bpy
 
-from ..core.errors import GridFileError, SceneError
+from ..core import vdb_grid
+from ..core.errors import GridFileError, SettingsError
 from ..core.progress import Progress, part
-from ..core.report import headline
-from . import outcome
+from ..core.report import Notice, headline
+from . import grid_image, outcome, staleness, storage
 from .bake_request import BakeRequest, Overrides, read_request
 from .grid_store import compiled_code_folder, keep_compiled_code
+from .grid_volume import volume_path
 from .jobs import Job, PatientSteps, Runner, Steps
+from .scenes import find_scene
 from .summary import bake_rows, count, duration, voxels
 
 if TYPE_CHECKING:
     from ..core.bake import BakeResult
+    from ..core.grid import IrradianceVectorGrid
     from ..core.scene import Scene
     from ..core.settings import BakeSettings
 
@@ -35,7 +39,7 @@ EXPORT_SHARE = 0.05
 """Of a bake's progress; the rest is the photons'."""
 
 
-def bake_job(context: bpy.types.Context, overrides: Overrides, run: Runner) -> Job:
+def bake_job(context: bpy.types.Context, overrides: Overrides, run: Runner, store: bool = True) -> Job:
     """Return the bake of the context's scene; raises what can be known before it starts.
 
     Parameters
@@ -44,11 +48,13 @@ def bake_job(context: bpy.types.Context, overrides: Overrides, run: Runner) -> J
         What to use in place of the scene's settings, by name.
     run
         How the part that never touches Blender is drained.
+    store
+        Whether to keep the grid in the .blend, too; False where nobody will save it.
 
     Raises
     ------
     GridFileError
-        The grid cannot be written where it should go.
+        The grid cannot be written where it should go, or a newer version stored the one that it would replace.
     SettingsError
         A setting is out of range, or the object that bounds the grid is missing.
     """
@@ -56,10 +62,10 @@ def bake_job(context: bpy.types.Context, overrides: Overrides, run: Runner) -> J
 
     request = read_request(context, overrides)
     check_writable(request.output)
-    return Job(f"Baking '{context.scene.name}'", _bake_steps(context, request, run))
+    return Job(f"Baking '{context.scene.name}'", _bake_steps(context, request, run, store))
 
 
-def _bake_steps(context: bpy.types.Context, request: BakeRequest, run: Runner) -> PatientSteps[str]:
+def _bake_steps(context: bpy.types.Context, request: BakeRequest, run: Runner, store: bool) -> PatientSteps[str]:
     """Bake and return what was done, in one line."""
     from ..core.memory import peak
     from .export import export_render_steps
@@ -70,27 +76,41 @@ def _bake_steps(context: bpy.types.Context, request: BakeRequest, run: Runner) -
     # them: all is found again each time.
     exporting = export_render_steps(context.scene, context.view_layer)
     scene = yield from part(exporting, 0.0, EXPORT_SHARE)
+    edits = staleness.edits(find_scene(name, identity, "baked"))
     settings = request.settings_for(scene)
-    with _beside(request.output) as fresh:
-        baking = _bake_and_write(scene, settings, fresh, compiled_code_folder())
-        result = yield from part(run(baking), EXPORT_SHARE, 1.0)
-        kept_in = _find_scene(name, identity)
+    with _beside(request.output, ".new") as fresh, _beside(request.output, ".new.vdb") as fresh_volume:
+        written = fresh, fresh_volume if store else None
+        baking = _bake_and_write(scene, settings, request.spatial, *written, compiled_code_folder())
+        result, stored = yield from part(run(baking), EXPORT_SHARE, 1.0)
+        kept_in = find_scene(name, identity, "baked")
+        volume_file = volume_path(request.output)
+        if isinstance(stored, grid_image.PreparedImage):
+            _replace(fresh_volume, volume_file)
         _replace(fresh, request.output)
+    notices = result.notices
+    if isinstance(stored, Notice):
+        notices = (*notices, stored)
+    elif stored is not None:
+        storage.store(kept_in, request.grid, stored, volume_file)
+    staleness.saw(kept_in, result.grid.record.checksum, edits)
     seconds = time.perf_counter() - start
     rows = bake_rows(result, scene.surfaces, seconds, peak())
-    outcome.store(kept_in.ivg.last_bake, request.output, rows, result.notices)
+    outcome.store(kept_in.ivg.last_bake, request.output, rows, notices)
     outcome.forget(kept_in.ivg.last_compare)
-    noted = headline(result.notices)
+    noted = headline(notices)
     return (
         f"Baked {voxels(settings.resolution)} voxels from {count(settings.photons)} photons "
         f"in {duration(seconds)}" + (f"; {noted}" if noted else "")
     )
 
 
-def _bake_and_write(scene: Scene, settings: BakeSettings, path: Path, compiled_code: Path | None) -> Steps[BakeResult]:
-    """Bake and write the grid to `path`; touches nothing of Blender, so any thread will do.
+def _bake_and_write(
+    scene: Scene, settings: BakeSettings, spatial: str, path: Path, volume_path: Path | None, compiled_code: Path | None
+) -> Steps[tuple[BakeResult, grid_image.PreparedImage | Notice | None]]:
+    """Bake, write the grid and its volume, prepare its image; touches nothing of Blender, so any thread will do.
 
-    Here the compiled part of core is imported for the first time: it takes a second.
+    In place of an image too large for Blender there is a notice that says so; without a volume there is none. Here
+    the compiled part of core is imported for the first time: it takes a second.
     """
     yield Progress("Loading Numba and Embree", 0.0)
     keep_compiled_code(compiled_code)
@@ -98,19 +118,35 @@ def _bake_and_write(scene: Scene, settings: BakeSettings, path: Path, compiled_c
 
     result = yield from bake_steps(scene, settings)
     yield Progress("Writing the grid", 1.0)
-    result.grid.save(path)
+    stored = None
     try:
+        result.grid.save(path)
+        if volume_path is not None:
+            stored = _prepare(result.grid, spatial)
+            vdb_grid.save(result.grid, volume_path)
         yield Progress("Writing the grid", 1.0)
     except GeneratorExit:
-        path.unlink()  # cancelled while the file was written
+        # Cancelled while the files were written.
+        path.unlink()
+        if volume_path is not None:
+            volume_path.unlink()
         raise
-    return result
+    return result, stored
+
+
+def _prepare(grid: IrradianceVectorGrid, spatial: str) -> grid_image.PreparedImage | Notice:
+    """Return what the image of a grid is made of, or why there can be none."""
+    try:
+        return grid_image.prepare(grid, spatial)
+    except SettingsError as error:
+        told = f"its grid is in its file, not in the .blend: {error}"
+        return Notice("left out", f"scene '{grid.record.scene}'", told)
 
 
 @contextmanager
-def _beside(output: Path) -> Iterator[Path]:
+def _beside(output: Path, suffix: str) -> Iterator[Path]:
     """Give a path beside `output` for the new file; what is left there at the end is removed."""
-    fresh = output.with_name(f".{output.name}.{os.getpid()}.new")
+    fresh = output.with_name(f".{output.name}.{os.getpid()}{suffix}")
     try:
         yield fresh
     finally:
@@ -126,11 +162,3 @@ def _replace(fresh: Path, output: Path) -> None:
             f"cannot replace {output} ({error.strerror}): close what uses it, or choose another "
             "file; the previous grid is unchanged"
         ) from error
-
-
-def _find_scene(name: str, identity: int) -> bpy.types.Scene:
-    """Return the scene that was baked, which undo may have moved in memory."""
-    for scene in bpy.data.scenes:
-        if scene.session_uid == identity:
-            return scene
-    raise SceneError(f"scene '{name}' was removed while it was baked: nothing was saved")

@@ -115,11 +115,12 @@ def _add_bake(commands: Commands) -> argparse.ArgumentParser:
         default=None,
         help="store light that comes straight from the lights too",
     )
+    bake.add_argument("--grid", metavar="NAME", help="name of the grid in the .blend (the scene's own grid)")
     bake.add_argument(
         "--save-blend",
         type=Path,
         metavar="OUT.blend",
-        help="also save the scene, with these settings and the summary of the bake",
+        help="also save the scene, with the grid in it, these settings and the summary of the bake",
     )
     bake.set_defaults(run=_run("bake"))
     return bake
