@@ -21,6 +21,7 @@ from ..core import vdb_grid
 from ..core.errors import GridFileError, SettingsError
 from ..core.progress import Progress, part
 from ..core.report import Notice, headline
+from ..core.settings import Spatial
 from . import grid_image, outcome, staleness, storage
 from .bake_request import BakeRequest, Overrides, read_request
 from .grid_store import compiled_code_folder, keep_compiled_code
@@ -123,7 +124,7 @@ def _bake_and_write(
         result.grid.save(path)
         if volume_path is not None:
             stored = _prepare(result.grid, spatial)
-            vdb_grid.save(result.grid, volume_path)
+            vdb_grid.save(result.grid, volume_path, Spatial(spatial))
         yield Progress("Writing the grid", 1.0)
     except GeneratorExit:
         # Cancelled while the files were written.

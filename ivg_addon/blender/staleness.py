@@ -75,8 +75,8 @@ def saw(scene: bpy.types.Scene, checksum: str, edits_then: int) -> None:
 @bpy.app.handlers.persistent
 def watch(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     """Mark a scene as changed when what was evaluated anew could change its light."""
-    rebuilt = any(isinstance(update.id, bpy.types.Scene) for update in depsgraph.updates)
-    if any(_matters(update, rebuilt) for update in depsgraph.updates) or _contents_changed(scene):
+    rebuilt = depsgraph.id_type_updated("SCENE")
+    if any(_matters(update, rebuilt) for update in depsgraph.updates) or (rebuilt and _contents_changed(scene)):
         _edits[scene.session_uid] = edits(scene) + 1
         if scene.ivg.seen_checksum and not scene.ivg.changed_since and scene.is_editable:
             scene.ivg.changed_since = True

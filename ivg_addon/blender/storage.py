@@ -13,6 +13,7 @@ import bpy
 
 from ..core import vdb_grid
 from ..core.errors import GridFileError
+from ..core.settings import Spatial
 from . import grid_image, grid_volume
 from .grid_image import KEY, PreparedImage, is_grid
 from .grid_store import SUFFIX, absolute, default_grid_path
@@ -105,12 +106,13 @@ def restore(image: bpy.types.Image, scene: bpy.types.Scene) -> bpy.types.Volume:
     if image.library:
         raise GridFileError(f"{grid_image.named(image)} is linked: restore it in that file")
     grid = grid_image.read(image)
-    grid_image.put(grid_image.prepare(grid, image[KEY].get("spatial", "TRILINEAR")), image.name, image)
+    spatial = Spatial(image[KEY].get("spatial", Spatial.TRILINEAR))
+    grid_image.put(grid_image.prepare(grid, spatial), image.name, image)
     volume = grid_volume.volume_of(image)
     if volume is not None and not grid_volume.problem(image):
         return volume
     path = _volume_file(volume, scene)
-    vdb_grid.save(grid, path)
+    vdb_grid.save(grid, path, spatial)
     return grid_volume.put(image, path)
 
 

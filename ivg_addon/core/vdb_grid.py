@@ -22,6 +22,8 @@ from . import vdb
 from .errors import GridFileError
 from .grid import IrradianceVectorGrid
 from .grid_parts import arrays, assemble, digest, header, parse_header
+from .moments import moments
+from .settings import Spatial
 from .whole_file import replacing
 
 SUFFIX = ".vdb"
@@ -42,14 +44,20 @@ def vector_grid_name(direction: int, channel: int) -> str:
     return f"I_{DIRECTIONS[direction]}_{CHANNELS[channel]}"
 
 
-def save(grid: IrradianceVectorGrid, path: Path) -> None:
-    """Write a grid as an OpenVDB file, whole or not at all; raises `GridFileError` that names the file."""
+def save(grid: IrradianceVectorGrid, path: Path, look_up: Spatial | None = None) -> None:
+    """Write a grid as an OpenVDB file, whole or not at all; raises `GridFileError` that names the file.
+
+    Parameters
+    ----------
+    look_up
+        Write also what look-ups with this interpolation read, for geometry nodes.
+    """
     with replacing(path) as stream:
-        vdb.write(stream, as_vdb(grid))
+        vdb.write(stream, as_vdb(grid, look_up))
 
 
-def as_vdb(grid: IrradianceVectorGrid) -> vdb.VdbFile:
-    """Return what the file holds: the vectors, grids to look at, transform and metadata."""
+def as_vdb(grid: IrradianceVectorGrid, look_up: Spatial | None = None) -> vdb.VdbFile:
+    """Return what the file holds: the vectors, grids to look at, those to look up, transform and metadata."""
     scale, translation = vdb.lattice_transform(grid.lattice)
     others = {name: array for name, array in arrays(grid).items() if name not in _IN_VOXELS}
     told = header(grid.lattice, grid.record) | {
@@ -65,7 +73,8 @@ def as_vdb(grid: IrradianceVectorGrid) -> vdb.VdbFile:
     for name, array in others.items():
         packed = zlib.compress(np.ascontiguousarray(array).tobytes())
         metadata[_ARRAY + name] = base64.b64encode(packed).decode("ascii")
-    return vdb.VdbFile(tuple(_grids(grid)), scale, translation, metadata)
+    grids = [*_grids(grid), *([] if look_up is None else _look_up_grids(grid, look_up))]
+    return vdb.VdbFile(grids, scale, translation, metadata)
 
 
 def _grids(grid: IrradianceVectorGrid) -> Iterator[vdb.VdbGrid]:
@@ -78,6 +87,22 @@ def _grids(grid: IrradianceVectorGrid) -> Iterator[vdb.VdbGrid]:
         yield vdb.VdbGrid(f"irradiance_{name}", irradiance[..., direction, :])
     yield vdb.VdbGrid("irradiance_mean", irradiance.mean(axis=-2))
     yield vdb.VdbGrid("validity", grid.validity)
+
+
+def _look_up_grids(grid: IrradianceVectorGrid, spatial: Spatial) -> Iterator[vdb.VdbGrid]:
+    """Yield F and D_k (moments.py) of the values that look-ups interpolate, and where they may: 12 vectors and a mask.
+
+    E(n) = ½ (F·n + Σ_k D_k·W_k(n)) per channel, W_k the rows of the least-squares reconstruction.
+    """
+    from .prefilter import deconvolved
+
+    lit = grid.validity > 0.0
+    values = moments(deconvolved(grid.vectors, grid.validity, grid.lit_weights, spatial)) * lit[..., None, None]
+    for start, name in enumerate(("F", "D_x", "D_y", "D_z")):
+        for channel, letter in enumerate(CHANNELS):
+            vectors = values[..., 3 * start : 3 * start + 3, channel]
+            yield vdb.VdbGrid(f"{name}_{letter}", vectors.astype(np.float32))
+    yield vdb.VdbGrid("lit", lit.astype(np.float32))
 
 
 def load(path: Path) -> IrradianceVectorGrid:

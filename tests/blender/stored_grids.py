@@ -17,6 +17,7 @@ import numpy as np
 from ivg_addon.core import vdb_grid
 from ivg_addon.core.dual_cells import Lattice
 from ivg_addon.core.grid import IrradianceVectorGrid
+from ivg_addon.core.settings import Spatial
 from tests.core.grids import LATTICE, grid
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -41,7 +42,7 @@ def store(extension: str, name: str, baked: IrradianceVectorGrid, folder: Path) 
     """Store a grid as a bake does."""
     storage, grid_image, grid_volume = (module(extension, name) for name in ("storage", "grid_image", "grid_volume"))
     path = grid_volume.volume_path(folder / "room.ivg.npz")
-    vdb_grid.save(baked, path)
+    vdb_grid.save(baked, path, Spatial.TRILINEAR)
     return storage.store(bpy.context.scene, name, grid_image.prepare(baked, "TRILINEAR"), path)
 
 

@@ -14,6 +14,8 @@ from ivg_addon.core import vdb, vdb_grid
 from ivg_addon.core.errors import GridFileError
 from ivg_addon.core.grid import IrradianceVectorGrid
 from ivg_addon.core.grid_parts import digest
+from ivg_addon.core.reconstruction import coefficients
+from ivg_addon.core.settings import Directional, Spatial
 from ivg_addon.core.vdb_grid import AXES
 
 from . import openvdb
@@ -61,6 +63,25 @@ def test_the_grid_comes_back_to_the_bit(saved: Path) -> None:
         assert getattr(back, name).tobytes() == getattr(baked, name).tobytes()
     points = np.random.default_rng(0).uniform(LATTICE.bounds_min, LATTICE.bounds_max, (50, 3))
     np.testing.assert_array_equal(back.irradiance(points, points), baked.irradiance(points, points))
+
+
+def test_what_look_ups_read_goes_along_when_asked_for(tmp_path: Path) -> None:
+    """E = ½ (F·n + Σ_k D_k·W_k) of these grids is the irradiance at a vertex, where nothing is interpolated."""
+    baked = grid(np.random.default_rng(7).normal(size=(*LATTICE.shape, 6, 3, 3)))
+    path = tmp_path / "room.vdb"
+    vdb_grid.save(baked, path, Spatial.TRILINEAR)
+    assert digest(vdb_grid.load(path)) == digest(baked)
+    read = {item.name: item.values.astype(np.float64) for item in vdb.read(path).grids}
+    n = np.array([-0.6, 0.0, 0.8])
+    c = coefficients(n, Directional.LEAST_SQUARES)
+    w = c[0::2] - c[1::2]
+    channels = [read[f"F_{a}"] @ n + sum(read[f"D_{k}_{a}"] @ w["xyz".index(k)] for k in "xyz") for a in "RGB"]
+    e = 0.5 * np.stack(channels, axis=-1)
+    points = LATTICE.vertex_positions().reshape(-1, 3)
+    expected = baked.irradiance(points, np.broadcast_to(n, points.shape)).reshape(e.shape)
+    # Sums of some twenty numbers of order one, in float32 by the look-up and here in float64.
+    np.testing.assert_allclose(np.maximum(e, 0.0), expected, atol=64 * np.finfo(np.float32).eps)
+    np.testing.assert_array_equal(read["lit"], 1.0)
 
 
 def test_a_changed_number_is_noticed(saved: Path) -> None:
