@@ -11,7 +11,7 @@ TEST ?=
 
 PY := $(VENV)/bin/python
 
-.PHONY: help demo test lint format extension wheels lock clean debian venv venv-dev
+.PHONY: help demo test lint format extension wheels lock clean debian debian-tests venv venv-dev
 .NOTPARALLEL:
 
 help:
@@ -29,7 +29,7 @@ demo: debian venv
 	$(PY) -m ivg_addon bake sample_blend/cornell.blend --out cornell.ivg.npz
 	$(PY) -m ivg_addon compare sample_blend/cornell.blend cornell.ivg.npz --out cornell.png
 
-test: debian lint
+test: debian debian-tests lint
 	$(PY) -m pytest $(TEST)
 
 lint: venv-dev
@@ -65,6 +65,10 @@ clean:
 
 debian:
 	@scripts/install_debian.sh
+
+# OpenVDB's own reader, against which tests hold the OpenVDB files; they are skipped without.
+debian-tests:
+	@scripts/install_debian.sh python3-openvdb
 
 venv:
 	@scripts/make_venv.sh "$(VENV)" "$(PYTHON)" requirements.txt

@@ -30,17 +30,25 @@ def _classes() -> list[type]:
     from .bake import IVG_OT_bake
     from .bounds_add import IVG_OT_bounds_add
     from .cancel import IVG_OT_cancel
+    from .check import IVG_OT_check
     from .clear import IVG_OT_clear
     from .compare import IVG_OT_compare
     from .copy_summary import IVG_OT_copy_summary
     from .dismiss_error import IVG_OT_dismiss_error
+    from .export_vdb import IVG_OT_export_vdb
+    from .grid_remove import IVG_OT_grid_remove
+    from .restore import IVG_OT_restore
 
     return [
         IVG_OT_bake,
         IVG_OT_bounds_add,
         IVG_OT_cancel,
+        IVG_OT_check,
         IVG_OT_clear,
         IVG_OT_compare,
         IVG_OT_copy_summary,
         IVG_OT_dismiss_error,
+        IVG_OT_export_vdb,
+        IVG_OT_grid_remove,
+        IVG_OT_restore,
     ]

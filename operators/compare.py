@@ -5,11 +5,12 @@ from __future__ import annotations
 
 import bpy
 
-from ..ivg_addon.blender import jobs, outcome
+from ..ivg_addon.blender import jobs
 from ..ivg_addon.blender.asking import Asker
 from ..ivg_addon.blender.compare_job import CompareRequest, compare_job, picture_of
 from ..ivg_addon.blender.grid_store import absolute
 from ..ivg_addon.blender.image_view import show_image
+from ..ivg_addon.blender.storage import baked_file
 from .job_operator import JobOperator
 
 
@@ -26,7 +27,7 @@ class IVG_OT_compare(JobOperator):
         """Only after a bake, and with a camera."""
         if not super().poll(context):
             return False
-        if not context.scene.ivg.last_bake.filepath:
+        if not (context.scene.ivg.grid or context.scene.ivg.last_bake.filepath):
             cls.poll_message_set("Bake the scene first")
             return False
         if context.scene.camera is None:
@@ -36,8 +37,9 @@ class IVG_OT_compare(JobOperator):
 
     def make_job(self, context: bpy.types.Context, run: jobs.Runner, ask: Asker) -> jobs.Job:
         """Return the comparison."""
-        grid = outcome.grid_file(context.scene)
-        return compare_job(context, CompareRequest(grid, picture_of(grid)), run, ask)
+        stored = context.scene.ivg.grid is not None
+        file = baked_file(context.scene)
+        return compare_job(context, CompareRequest(None if stored else file, picture_of(file)), run, ask)
 
     def show_result(self, context: bpy.types.Context) -> None:
         """Show the picture as Blender shows a render."""

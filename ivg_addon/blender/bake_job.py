@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""From a Blender scene to its grid file: export, bake, write, remember.
+"""From a Blender scene to its grid: export, bake, write, store in the .blend, remember.
 
-The scene is read on the main thread; baking and writing go where the runner says. The new file
-takes the place of the old one at the very end, together with the summary, so a bake that fails or
-is cancelled changes nothing.
+The scene is read on the main thread; baking and writing go where the runner says. The new files
+take the place of the old ones at the very end, together with datablocks and summary, so a bake
+that fails or is cancelled changes nothing.
 """
 
 from __future__ import annotations
@@ -17,18 +17,23 @@ from typing import TYPE_CHECKING
 
 import bpy
 
-from ..core.errors import GridFileError, SceneError
+from ..core import vdb_grid
+from ..core.errors import GridFileError, SettingsError
 from ..core.progress import Progress, part
-from ..core.report import headline
-from . import outcome
+from ..core.report import Notice, headline
+from ..core.settings import Spatial
+from . import grid_image, outcome, staleness, storage
 from .asking import Asker, here
 from .bake_request import BakeRequest, Overrides, read_request
 from .grid_store import compiled_code_folder, keep_compiled_code
+from .grid_volume import volume_path
 from .jobs import Job, PatientSteps, Runner, Steps
+from .scenes import find_scene
 from .summary import bake_rows, count, duration, voxels
 
 if TYPE_CHECKING:
     from ..core.bake import BakeResult
+    from ..core.grid import IrradianceVectorGrid
     from ..core.scene import Scene
     from ..core.settings import BakeSettings
 
@@ -36,7 +41,9 @@ EXPORT_SHARE = 0.05
 """Of a bake's progress; the rest is the photons'."""
 
 
-def bake_job(context: bpy.types.Context, overrides: Overrides, run: Runner, ask: Asker = here) -> Job:
+def bake_job(
+    context: bpy.types.Context, overrides: Overrides, run: Runner, ask: Asker = here, store: bool = True
+) -> Job:
     """Return the bake of the context's scene; raises what can be known before it starts.
 
     Parameters
@@ -47,22 +54,26 @@ def bake_job(context: bpy.types.Context, overrides: Overrides, run: Runner, ask:
         How the part that never touches Blender is drained.
     ask
         Where Cycles is asked.
+    store
+        Whether to keep the grid in the .blend, too; False where nobody will save it.
 
     Raises
     ------
     GridFileError
-        The grid cannot be written where it should go.
+        The grid cannot be written where it should go, or a newer version stored the one that it would replace.
     SettingsError
         A setting is out of range, or the object that bounds the grid is missing.
     """
-    from ..core.grid_file import check_writable
+    from ..core.whole_file import check_writable
 
     request = read_request(context, overrides)
     check_writable(request.output)
-    return Job(f"Baking '{context.scene.name}'", _bake_steps(context, request, run, ask))
+    return Job(f"Baking '{context.scene.name}'", _bake_steps(context, request, run, ask, store))
 
 
-def _bake_steps(context: bpy.types.Context, request: BakeRequest, run: Runner, ask: Asker) -> PatientSteps[str]:
+def _bake_steps(
+    context: bpy.types.Context, request: BakeRequest, run: Runner, ask: Asker, store: bool
+) -> PatientSteps[str]:
     """Bake and return what was done, in one line."""
     start = time.perf_counter()
     name, identity, layer = context.scene.name, context.scene.session_uid, context.view_layer.name
@@ -72,20 +83,31 @@ def _bake_steps(context: bpy.types.Context, request: BakeRequest, run: Runner, a
 
     # One step of the export reads Blender's data, others ask Cycles for materials. Between any two the user may change
     # them: all is found again each time.
-    reading = _find_scene(name, identity)
+    reading = find_scene(name, identity, "baked")
     exporting = export_render_steps(reading, reading.view_layers[layer], ask, run)
     scene = yield from part(exporting, 0.0, EXPORT_SHARE)
+    edits = staleness.edits(find_scene(name, identity, "baked"))
     settings = request.settings_for(scene)
-    with _beside(request.output) as fresh:
-        baking = _bake_and_write(scene, settings, fresh)
-        result = yield from part(run(baking), EXPORT_SHARE, 1.0)
-        kept_in = _find_scene(name, identity)
+    with _beside(request.output, ".new") as fresh, _beside(request.output, ".new.vdb") as fresh_volume:
+        written = fresh, fresh_volume if store else None
+        baking = _bake_and_write(scene, settings, request.spatial, *written)
+        result, stored = yield from part(run(baking), EXPORT_SHARE, 1.0)
+        kept_in = find_scene(name, identity, "baked")
+        volume_file = volume_path(request.output)
+        if isinstance(stored, grid_image.PreparedImage):
+            _replace(fresh_volume, volume_file)
         _replace(fresh, request.output)
+    notices = result.notices
+    if isinstance(stored, Notice):
+        notices = (*notices, stored)
+    elif stored is not None:
+        storage.store(kept_in, request.grid, stored, volume_file)
+    staleness.saw(kept_in, result.grid.record.checksum, edits)
     seconds = time.perf_counter() - start
     rows = bake_rows(result, scene.surfaces, seconds, peak())
-    outcome.store(kept_in.ivg.last_bake, request.output, rows, result.notices)
+    outcome.store(kept_in.ivg.last_bake, request.output, rows, notices)
     outcome.forget(kept_in.ivg.last_compare)
-    noted = headline(result.notices)
+    noted = headline(notices)
     return (
         f"Baked {voxels(settings.resolution)} voxels from {count(settings.photons)} photons "
         f"in {duration(seconds)}" + (f"; {noted}" if noted else "")
@@ -99,25 +121,46 @@ def _load(compiled_code: Path | None) -> Steps[None]:
     from ..core import bake, doubled_faces, instancing  # noqa: F401
 
 
-def _bake_and_write(scene: Scene, settings: BakeSettings, path: Path) -> Steps[BakeResult]:
-    """Bake and write the grid to `path`; touches nothing of Blender, so any thread will do."""
+def _bake_and_write(
+    scene: Scene, settings: BakeSettings, spatial: str, path: Path, volume_path: Path | None
+) -> Steps[tuple[BakeResult, grid_image.PreparedImage | Notice | None]]:
+    """Bake, write the grid and its volume, prepare its image; touches nothing of Blender, so any thread will do.
+
+    In place of an image too large for Blender there is a notice that says so; without a volume there is none.
+    """
     from ..core.bake import bake_steps
 
     result = yield from bake_steps(scene, settings)
     yield Progress("Writing the grid", 1.0)
-    result.grid.save(path)
+    stored = None
     try:
+        result.grid.save(path)
+        if volume_path is not None:
+            stored = _prepare(result.grid, spatial)
+            vdb_grid.save(result.grid, volume_path, Spatial(spatial))
         yield Progress("Writing the grid", 1.0)
     except GeneratorExit:
-        path.unlink()  # cancelled while the file was written
+        # Cancelled while the files were written.
+        path.unlink()
+        if volume_path is not None:
+            volume_path.unlink()
         raise
-    return result
+    return result, stored
+
+
+def _prepare(grid: IrradianceVectorGrid, spatial: str) -> grid_image.PreparedImage | Notice:
+    """Return what the image of a grid is made of, or why there can be none."""
+    try:
+        return grid_image.prepare(grid, spatial)
+    except SettingsError as error:
+        told = f"its grid is in its file, not in the .blend: {error}"
+        return Notice("left out", f"scene '{grid.record.scene}'", told)
 
 
 @contextmanager
-def _beside(output: Path) -> Iterator[Path]:
+def _beside(output: Path, suffix: str) -> Iterator[Path]:
     """Give a path beside `output` for the new file; what is left there at the end is removed."""
-    fresh = output.with_name(f".{output.name}.{os.getpid()}.new")
+    fresh = output.with_name(f".{output.name}.{os.getpid()}{suffix}")
     try:
         yield fresh
     finally:
@@ -133,11 +176,3 @@ def _replace(fresh: Path, output: Path) -> None:
             f"cannot replace {output} ({error.strerror}): close what uses it, or choose another "
             "file; the previous grid is unchanged"
         ) from error
-
-
-def _find_scene(name: str, identity: int) -> bpy.types.Scene:
-    """Return the scene that was baked, which undo may have moved in memory."""
-    for scene in bpy.data.scenes:
-        if scene.session_uid == identity:
-            return scene
-    raise SceneError(f"scene '{name}' was removed while it was baked: nothing was saved")

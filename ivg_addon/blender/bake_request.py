@@ -15,10 +15,11 @@ from ..core.scene import Scene
 from ..core.settings import BakeSettings, Estimator
 from .bounds import Box, Resolution, automatic_resolution, object_box
 from .grid_store import grid_path
+from .storage import default_name, target_name
 
 Overrides = Mapping[str, Any]
-"""Settings by their names on `scene.ivg`, and `bounds_min`, `bounds_max`; `bounds_object` may be a
-name."""
+"""Settings by their names on `scene.ivg`, and `bounds_min`, `bounds_max`; `bounds_object` and
+`grid` may be names."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,10 @@ class BakeRequest:
     ----------
     output
         Where the grid goes.
+    grid
+        The name under which the .blend keeps it.
+    spatial
+        The interpolation for which its image is made.
     box
         The grid's box without the margin; None: the smallest around the scene.
     margin
@@ -40,6 +45,8 @@ class BakeRequest:
     """
 
     output: Path
+    grid: str
+    spatial: str
     box: Box | None
     margin: float
     resolution: Resolution | None
@@ -63,8 +70,12 @@ def read_request(context: bpy.types.Context, overrides: Overrides) -> BakeReques
     """Return what is asked for; raises `SettingsError` that says what to change."""
     chosen = _Chosen(context.scene.ivg, overrides)
     resolution = _resolution(chosen)
+    grid = target_name(context.scene, overrides.get("grid", ""))
+    also_named = "" if grid == default_name(context.scene) else grid
     return BakeRequest(
-        output=grid_path(context.scene, chosen["filepath"]),
+        output=grid_path(context.scene, chosen["filepath"], also_named),
+        grid=grid,
+        spatial=context.scene.ivg.spatial,
         box=_box(chosen, context),
         margin=0.0 if "bounds_min" in overrides else chosen["margin"],
         resolution=resolution,

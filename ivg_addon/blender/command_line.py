@@ -65,7 +65,7 @@ def build_parser(program: str) -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {VERSION}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for add in (_add_bake, _add_compare, _add_info):
+    for add in (_add_bake, _add_compare, _add_export, _add_info):
         command = add(commands)
         command.add_argument("--traceback", action="store_true", help="show where an unexpected error arose")
     return parser
@@ -115,11 +115,12 @@ def _add_bake(commands: Commands) -> argparse.ArgumentParser:
         default=None,
         help="store light that comes straight from the lights too",
     )
+    bake.add_argument("--grid", metavar="NAME", help="name of the grid in the .blend (the scene's own grid)")
     bake.add_argument(
         "--save-blend",
         type=Path,
         metavar="OUT.blend",
-        help="also save the scene, with these settings and the summary of the bake",
+        help="also save the scene, with the grid in it, these settings and the summary of the bake",
     )
     bake.set_defaults(run=_run("bake"))
     return bake
@@ -170,6 +171,30 @@ def _add_info(commands: Commands) -> argparse.ArgumentParser:
     info.add_argument("grid", type=Path, metavar="GRID.ivg.npz")
     info.set_defaults(run=_run("info"))
     return info
+
+
+def _add_export(commands: Commands) -> argparse.ArgumentParser:
+    """Add `export`."""
+    export = commands.add_parser(
+        "export",
+        help="write a grid in other formats",
+        description="Write a grid as an OpenVDB file, as half floats, or, from either of these, as a grid file again.",
+    )
+    export.add_argument("grid", type=Path, metavar="GRID", help="a .ivg.npz, .vdb or .ivg16.npz file")
+    export.add_argument(
+        "--vdb", type=Path, metavar="OUT.vdb", help="write OpenVDB: a vector grid per direction, channel"
+    )
+    export.add_argument("--compressed", type=Path, metavar="OUT.ivg16.npz", help="write half floats, 72 bytes a vertex")
+    export.add_argument(
+        "--form",
+        type=str.upper,
+        choices=("MOMENTS", "REPORT"),
+        default="MOMENTS",
+        help="what the half floats are: exact but for rounding, or as the report has them (MOMENTS)",
+    )
+    export.add_argument("--npz", type=Path, metavar="OUT.ivg.npz", help="write a grid file")
+    export.set_defaults(run=_run("export"))
+    return export
 
 
 class _Resolution(argparse.Action):

@@ -15,6 +15,7 @@ from . import outcome
 from .asking import Asker, here
 from .grid_store import SUFFIX, compiled_code_folder, keep_compiled_code
 from .jobs import Job, PatientSteps, Runner, Steps
+from .storage import load_grid, scene_grid
 from .summary import Row
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ class CompareRequest:
     Parameters
     ----------
     grid
-        The grid's file.
+        The grid's file; None: the grid that the .blend keeps for the scene.
     output
         The picture to write.
     points
@@ -41,7 +42,7 @@ class CompareRequest:
         Settings of the look-up in place of the scene's, by name.
     """
 
-    grid: Path
+    grid: Path | None
     output: Path
     points: int | None = None
     samples: int | None = None
@@ -58,20 +59,23 @@ def compare_job(context: bpy.types.Context, request: CompareRequest, run: Runner
 
     `run` drains the part that never touches Blender, `ask` says where Cycles is asked. The numbers are then in
     `scene.ivg.last_compare`. Raises `GridFileError` or `SettingsError` if the picture cannot be written where it should
-    go, `DependencyError` if a library is missing.
+    go, or the .blend's grid is not as it was stored; `DependencyError` if a library is missing.
     """
     from .montage import check_picture
 
     if request.points is None:
         check_picture(request.output)
+    grid = load_grid(scene_grid(context.scene)) if request.grid is None else request.grid
     label = f"Comparing '{context.scene.name}'"
-    return Job(label, _compare_steps(context, request, run, ask), holds_data=True)
+    return Job(label, _compare_steps(context, request, grid, run, ask), holds_data=True)
 
 
-def _compare_steps(context: bpy.types.Context, request: CompareRequest, run: Runner, ask: Asker) -> PatientSteps[str]:
+def _compare_steps(
+    context: bpy.types.Context, request: CompareRequest, source: IrradianceVectorGrid | Path, run: Runner, ask: Asker
+) -> PatientSteps[str]:
     """Compare and return the outcome in one line."""
     scene, view_layer = context.scene, context.view_layer
-    grid = yield from run(_load(request.grid, compiled_code_folder()))
+    grid = yield from run(_load(source, compiled_code_folder()))
     from ..core.picture import LookUp
     from .compare import compare_steps
     from .compare_points import compare_points_steps
@@ -98,10 +102,10 @@ def _compare_steps(context: bpy.types.Context, request: CompareRequest, run: Run
     return f"Compared with Cycles: {'; '.join(numbers)}"
 
 
-def _load(path: Path, compiled_code: Path | None) -> Steps[IrradianceVectorGrid]:
-    """Load a grid, and everything that compiles; touches nothing of Blender."""
+def _load(source: IrradianceVectorGrid | Path, compiled_code: Path | None) -> Steps[IrradianceVectorGrid]:
+    """Load a grid if it is a file, and everything that compiles; touches nothing of Blender."""
     yield Progress("Loading the grid", 0.0)
     keep_compiled_code(compiled_code)
     from ..core import IrradianceVectorGrid, doubled_faces, instancing, picture  # noqa: F401 (Numba: a second)
 
-    return IrradianceVectorGrid.load(path)
+    return IrradianceVectorGrid.load(source) if isinstance(source, Path) else source

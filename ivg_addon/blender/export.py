@@ -34,6 +34,7 @@ from .export_materials import MaterialTable
 from .jobs import PatientSteps, Runner, Steps, in_foreground
 from .light_linking import LinkingReader
 from .light_nodes import NodeLight, light_node_steps
+from .scenes import find_scene
 from .world_map import WorldLight, world_steps
 
 Result = TypeVar("Result")
@@ -96,10 +97,10 @@ def export_render_steps(
     """
     name, identity, layer_name = scene.name, scene.session_uid, view_layer.name
     node_lights = yield from light_node_steps(scene, view_layer, ask)
-    scene = _find_scene(name, identity)
+    scene = find_scene(name, identity, "read")
     world = yield from part(world_steps(scene, scene.view_layers[layer_name], ask), 0.0, _WORLD)
     yield Progress("Evaluating the scene", _WORLD)
-    scene = _find_scene(name, identity)
+    scene = find_scene(name, identity, "read")
     view_layer = scene.view_layers[layer_name]
     evaluate = hasattr(scene, "cycles")
     reading = with_render_depsgraph(
@@ -110,7 +111,7 @@ def export_render_steps(
     evaluation = None
     if pending:
         around = Surroundings(reading.meshes, reading.instances, reading.data, reading.looks)
-        steps = evaluation_steps(_find_scene(name, identity), pending, around, ask, run)
+        steps = evaluation_steps(find_scene(name, identity, "read"), pending, around, ask, run)
         evaluation = yield from part(steps, _READING, _PLACING)
     return (yield from run(_build_steps(reading, name, evaluation)))
 
@@ -217,14 +218,6 @@ def _record(reading: _Reading, evaluation: Evaluation | None) -> SurfaceRecord:
         return record
     evaluated, recalled = evaluation.evaluated, evaluation.recalled
     return replace(record, evaluated=evaluated, recalled=recalled, seconds=evaluation.seconds)
-
-
-def _find_scene(name: str, identity: int) -> bpy.types.Scene:
-    """Return the scene that was read, which undo may have moved in memory."""
-    for scene in bpy.data.scenes:
-        if scene.session_uid == identity:
-            return scene
-    raise SceneError(f"scene '{name}' was removed while it was read: nothing was changed")
 
 
 def _geometry_notices(reading: _Reading, flattened: Flattened) -> Iterator[Notice]:

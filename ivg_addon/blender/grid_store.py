@@ -32,22 +32,27 @@ def user_folder(name: str) -> Path:
     return folder
 
 
-def default_grid_name(scene: bpy.types.Scene) -> str:
-    """Return the name of a scene's grid file: the .blend's, and the scene's if there are several."""
+def default_grid_name(scene: bpy.types.Scene, also_named: str = "") -> str:
+    """Return the name of a scene's grid file: the .blend's, and the scene's if there are several.
+
+    `also_named` is the grid's own name where it is not the scene's first.
+    """
     stem = Path(bpy.data.filepath).stem or "unsaved"
-    if len(bpy.data.scenes) > 1:
+    if also_named:
+        stem += "." + bpy.path.clean_name(also_named)
+    elif len(bpy.data.scenes) > 1:
         stem += "." + bpy.path.clean_name(scene.name)
     return stem + SUFFIX
 
 
-def default_grid_path(scene: bpy.types.Scene) -> Path:
+def default_grid_path(scene: bpy.types.Scene, also_named: str = "") -> Path:
     """Return where a scene's grid is kept unless the user says otherwise: beside the .blend.
 
     A .blend that was never saved has no place of its own: then it is a folder of the user.
     """
     blend = bpy.data.filepath
     folder = Path(blend).parent if blend else user_folder("grids")
-    return folder / default_grid_name(scene)
+    return folder / default_grid_name(scene, also_named)
 
 
 def absolute(path: str) -> Path:
@@ -55,10 +60,10 @@ def absolute(path: str) -> Path:
     return Path(os.path.abspath(bpy.path.abspath(os.path.expanduser(path))))
 
 
-def grid_path(scene: bpy.types.Scene, filepath: str) -> Path:
+def grid_path(scene: bpy.types.Scene, filepath: str, also_named: str = "") -> Path:
     """Return where to write a grid: `filepath` as typed, with the suffix added if there is none."""
     if not filepath:
-        return default_grid_path(scene)
+        return default_grid_path(scene, also_named)
     path = absolute(filepath)
     return path if path.suffix else path.with_name(path.name + SUFFIX)
 

@@ -67,7 +67,7 @@ class _Text:
 
 def check_picture(output: Path) -> Path:
     """Return where the EXR goes; raises `GridFileError` if either file cannot be written, `SettingsError` if no PNG."""
-    from ..core.grid_file import check_writable
+    from ..core.whole_file import check_writable
 
     if output.is_dir():
         raise GridFileError(f"{output} is a folder: name a picture in it, for instance {output / 'compare.png'}")

@@ -41,7 +41,7 @@ def draw_wrapped(
         column.label(text=line, icon=blank if index else icon, translate=False)
 
 
-class _RenderPanel:
+class RenderPanel:
     """Where all these panels are: in the Render properties, whatever the engine."""
 
     bl_space_type = "PROPERTIES"
@@ -49,7 +49,7 @@ class _RenderPanel:
     bl_context = "render"
 
 
-class IVG_PT_main(_RenderPanel, bpy.types.Panel):
+class IVG_PT_main(RenderPanel, bpy.types.Panel):
     """Bake, its progress, and where the grid goes."""
 
     bl_label = "Irradiance Vector Grid"
@@ -90,7 +90,7 @@ def _draw_buttons(layout: bpy.types.UILayout, context: bpy.types.Context) -> Non
     bake.enabled = not problem
     bake.operator("ivg.bake", text="Bake", icon="LIGHTPROBE_VOLUME")
     compare = column.row(align=True)
-    compare.enabled = bool(context.scene.ivg.last_bake.filepath)
+    compare.enabled = bool(context.scene.ivg.grid or context.scene.ivg.last_bake.filepath)
     compare.operator("ivg.compare", text="Compare with Cycles", icon="IMAGE_ALPHA")
     if problem:
         draw_wrapped(layout, context, problem, icon="INFO")
@@ -114,7 +114,7 @@ def _draw_progress(layout: bpy.types.UILayout, job: jobs.Job) -> None:
     )
 
 
-class IVG_PT_bounds(_RenderPanel, bpy.types.Panel):
+class IVG_PT_bounds(RenderPanel, bpy.types.Panel):
     """Which box the grid fills, and with how many voxels."""
 
     bl_label = "Bounds"
@@ -158,7 +158,7 @@ class IVG_PT_bounds(_RenderPanel, bpy.types.Panel):
             return
         system = context.scene.unit_settings.system
         sides = (bpy.utils.units.to_string(system, "LENGTH", side, precision=3).strip() for side in found.box.size)
-        _draw_facts(
+        draw_facts(
             layout,
             ("Size", " × ".join(sides)),
             ("Grid", f"{voxels(found.resolution)} voxels"),
@@ -166,7 +166,7 @@ class IVG_PT_bounds(_RenderPanel, bpy.types.Panel):
         )
 
 
-def _draw_facts(layout: bpy.types.UILayout, *facts: tuple[str, str]) -> None:
+def draw_facts(layout: bpy.types.UILayout, *facts: tuple[str, str]) -> None:
     """Draw names and values that cannot be edited, aligned with the properties."""
     column = layout.column(align=True)
     column.scale_y = LINE_SCALE
@@ -179,7 +179,7 @@ def _draw_facts(layout: bpy.types.UILayout, *facts: tuple[str, str]) -> None:
         row.label(text=value, translate=False)
 
 
-class IVG_PT_sampling(_RenderPanel, bpy.types.Panel):
+class IVG_PT_sampling(RenderPanel, bpy.types.Panel):
     """How many photons, and how they are counted."""
 
     bl_label = "Photons"
@@ -192,7 +192,7 @@ class IVG_PT_sampling(_RenderPanel, bpy.types.Panel):
         layout.use_property_decorate = False
         settings = context.scene.ivg
         layout.prop(settings, "photons")
-        _draw_facts(layout, ("", count(settings.photons)))
+        draw_facts(layout, ("", count(settings.photons)))
         layout.prop(settings, "bounces")
         layout.prop(settings, "seed")
         layout.prop(settings, "threads")
@@ -200,7 +200,7 @@ class IVG_PT_sampling(_RenderPanel, bpy.types.Panel):
         layout.prop(settings, "include_direct")
 
 
-class IVG_PT_look_up(_RenderPanel, bpy.types.Panel):
+class IVG_PT_look_up(RenderPanel, bpy.types.Panel):
     """How irradiance is read from the grid."""
 
     bl_label = "Look-Up"
@@ -235,7 +235,7 @@ class IVG_UL_notices(bpy.types.UIList):
         layout.label(text=f"{item.subject}: {item.message}", icon=NOTICE_ICONS[item.kind])
 
 
-class IVG_PT_last_bake(_RenderPanel, bpy.types.Panel):
+class IVG_PT_last_bake(RenderPanel, bpy.types.Panel):
     """What the last bake did."""
 
     bl_label = "Last Bake"
@@ -259,7 +259,7 @@ class IVG_PT_last_bake(_RenderPanel, bpy.types.Panel):
             self.layout.label(text="Nothing was simplified or left out", icon="CHECKMARK")
 
 
-class IVG_PT_last_compare(_RenderPanel, bpy.types.Panel):
+class IVG_PT_last_compare(RenderPanel, bpy.types.Panel):
     """How the grid compared with Cycles."""
 
     bl_label = "Last Comparison"
@@ -308,6 +308,11 @@ class IVG_MT_main(bpy.types.Menu):
         layout = self.layout
         layout.operator("ivg.bake", icon="LIGHTPROBE_VOLUME")
         layout.operator("ivg.compare", icon="IMAGE_ALPHA")
+        layout.operator("ivg.check", icon="CHECKMARK")
+        layout.separator()
+        layout.operator("ivg.export_vdb", icon="EXPORT")
+        layout.operator("ivg.restore", icon="FILE_REFRESH")
+        layout.operator("ivg.grid_remove", icon="TRASH")
         layout.separator()
         layout.operator("ivg.bounds_add", icon="CUBE")
         layout.operator("ivg.copy_summary", icon="COPYDOWN")
@@ -322,7 +327,6 @@ def draw_menu(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
 
 CLASSES = (
     IVG_UL_notices,
-    IVG_PT_main,
     IVG_PT_bounds,
     IVG_PT_sampling,
     IVG_PT_look_up,
@@ -330,3 +334,4 @@ CLASSES = (
     IVG_PT_last_compare,
     IVG_MT_main,
 )
+"""All but the main panel, in which they are."""

@@ -24,6 +24,8 @@ from bpy.props import (
     StringProperty,
 )
 
+from .grid_image import is_grid
+
 BOUNDS_MODES = (
     ("SCENE", "Scene", "Smallest box around everything that is rendered", "SCENE_DATA", 0),
     ("OBJECT", "Object", "Box of an empty or a mesh object", "MESH_CUBE", 1),
@@ -217,6 +219,12 @@ def override_properties() -> dict[str, Any]:
     """
     flags = {"SKIP_SAVE"}
     return settings_properties(flags) | {
+        "grid": StringProperty(
+            name="Grid",
+            description="Name of the grid in this file: replaced if there is one. Empty: the scene's own",
+            default="",
+            options=flags,
+        ),
         "bounds_object": StringProperty(
             name="Bounds Object",
             description="Name of the empty or mesh whose box the grid fills",
@@ -245,6 +253,11 @@ def override_properties() -> dict[str, Any]:
 def _has_box(settings: IvgSettings, candidate: bpy.types.Object) -> bool:
     """Tell whether an object may be the bounds: an empty or a mesh."""
     return candidate.type in {"EMPTY", "MESH"}
+
+
+def _is_grid(settings: IvgSettings, candidate: bpy.types.Image) -> bool:
+    """Tell whether an image is a grid that a bake has stored."""
+    return is_grid(candidate)
 
 
 class IvgRow(bpy.types.PropertyGroup):
@@ -292,6 +305,24 @@ class IvgSettings(bpy.types.PropertyGroup):
                 description="Draw the grid's box and its voxels in the viewports",
                 default=False,
                 options=set(),
+            ),
+            "grid": PointerProperty(
+                name="Grid",
+                description="The scene's grid, an image in this file that a bake replaces. Empty: the next bake makes "
+                "a new one",
+                type=bpy.types.Image,
+                poll=_is_grid,
+            ),
+            "seen_checksum": StringProperty(
+                name="Seen",
+                description="Checksum of the scene when it was last baked or checked",
+                options={"HIDDEN"},
+            ),
+            "changed_since": BoolProperty(
+                name="Changed",
+                description="Whether something has changed since that could change the light",
+                default=False,
+                options={"HIDDEN"},
             ),
             "last_bake": PointerProperty(type=IvgOutcome),
             "last_compare": PointerProperty(type=IvgOutcome),

@@ -8,7 +8,7 @@ from contextlib import ExitStack
 
 import bpy
 
-from . import bounds_overlay, bounds_preview, jobs, panels, properties
+from . import bounds_overlay, bounds_preview, grid_panel, grid_volume, jobs, panels, properties, staleness
 
 _undo = ExitStack()
 """What `unregister` does, the last first."""
@@ -19,7 +19,8 @@ def register() -> None:
     with ExitStack() as done:
         properties.register()
         done.callback(properties.unregister)
-        for cls in panels.CLASSES:
+        # Panels stand in the order in which they are registered.
+        for cls in (panels.IVG_PT_main, *grid_panel.CLASSES, *panels.CLASSES):
             bpy.utils.register_class(cls)
             done.callback(bpy.utils.unregister_class, cls)
         bpy.types.TOPBAR_MT_render.append(panels.draw_menu)
@@ -69,4 +70,10 @@ def _before_undo(*_: object) -> None:
         job.cancel()
 
 
-_HANDLERS = {"load_pre": _before_load, "undo_pre": _before_undo, "redo_pre": _before_undo}
+_HANDLERS = {
+    "load_pre": _before_load,
+    "undo_pre": _before_undo,
+    "redo_pre": _before_undo,
+    "depsgraph_update_post": staleness.watch,
+    "save_post": grid_volume.remove_superseded,
+}

@@ -15,7 +15,7 @@ from ..core.report import Notice
 if TYPE_CHECKING:
     from ..core.aim import Aim
     from ..core.bake import BakeResult, BakeStatistics
-    from ..core.grid import IrradianceVectorGrid
+    from ..core.grid import BakeRecord, IrradianceVectorGrid
     from ..core.scene import SurfaceRecord
     from ..core.settings import Vec3
 
@@ -65,6 +65,12 @@ def box(low: Iterable[float], high: Iterable[float]) -> str:
     return "({}) to ({}) m".format(*corners)
 
 
+def created(record: BakeRecord) -> str:
+    """Return when, in local time, and by which version a grid was baked."""
+    when = datetime.fromisoformat(record.created).astimezone()
+    return f"{when:%Y-%m-%d %H:%M}, version {record.version}"
+
+
 def _luminance(power: Vec3) -> float:
     return float(np.dot(power, _LUMINANCE))
 
@@ -73,9 +79,8 @@ def grid_rows(grid: IrradianceVectorGrid) -> list[Row]:
     """Return what a grid is: its voxels, its box, and what it was baked with."""
     record = grid.record
     settings = record.settings
-    created = datetime.fromisoformat(record.created).astimezone()
     return [
-        ("Baked", f"{created:%Y-%m-%d %H:%M}, version {record.version}"),
+        ("Baked", created(record)),
         ("Scene", record.scene),
         ("Grid", f"{voxels(grid.resolution)} voxels, {memory(grid_bytes(grid.resolution))}"),
         ("Box", box(grid.bounds_min, grid.bounds_max)),

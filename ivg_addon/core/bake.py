@@ -163,7 +163,8 @@ def bake_steps(scene: Scene, settings: BakeSettings) -> Generator[Progress, None
         vectors=vectors.astype(np.float32),
         validity=validity,
         lit_weights=parts.weights,
-        partitions=partitions,
+        plane_start=partitions.start,
+        planes=partitions.planes,
         lattice=lattice,
         record=_record(scene, settings, course.emission),
     )

@@ -19,7 +19,7 @@ class SettingsError(IvgError):
 
 
 class GridFileError(IvgError):
-    """A grid file is missing, truncated, foreign, from a newer version, or cannot be written."""
+    """A grid's file or datablock is missing, truncated, changed, foreign, from a newer version, or not writable."""
 
 
 class MemoryLimitError(IvgError):

@@ -7,6 +7,7 @@ such a file.
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -49,6 +50,14 @@ def write_exr(path: Path, channels: Mapping[str, Float32]) -> None:
         raise GridFileError(
             f"cannot write {path} ({error}): choose a folder that exists, is writable and has space"
         ) from error
+
+
+def exr_bytes(channels: Mapping[str, Float32]) -> bytes:
+    """Return an image as the bytes of its file; arguments and errors as of `write_exr`."""
+    with tempfile.TemporaryDirectory(prefix="ivg-") as folder:
+        path = Path(folder, "image.exr")
+        write_exr(path, channels)
+        return path.read_bytes()
 
 
 def read_exr(path: Path) -> dict[str, Float32]:

@@ -82,8 +82,9 @@ class IrradianceVectorGrid:
     lit_weights : (Ni+1, Nj+1, Nk+1, 3, 3, 3) float16
         Means over the lit part of each dual cell of the trilinear weights of the vertices around: entry (a, b, c) is
         that of the vertex (i + a − 1, j + b − 1, k + c − 1). Look-ups take back with them what averaging smoothed.
-    partitions
-        Which side of thin walls vertices speak for.
+    plane_start : ((Ni+1)(Nj+1)(Nk+1) + 1,) int32
+    planes : (P, 5) float32
+        Which side of thin walls vertices speak for: see `Partitions`.
     lattice
         Bounds and resolution.
     record
@@ -93,7 +94,8 @@ class IrradianceVectorGrid:
     vectors: NDArray[np.float32]
     validity: NDArray[np.float32]
     lit_weights: NDArray[np.float16]
-    partitions: Partitions
+    plane_start: NDArray[np.int32]
+    planes: NDArray[np.float32]
     lattice: Lattice
     record: BakeRecord = field(compare=False)
 
@@ -111,6 +113,9 @@ class IrradianceVectorGrid:
                 )
             if array.dtype != dtype:
                 raise SettingsError(f"grid {name}: {array.dtype} instead of {np.dtype(dtype)}")
+        problem = self.partitions.problem(self.lattice.vertex_count)
+        if problem:
+            raise SettingsError(f"grid {problem}")
 
     @property
     def resolution(self) -> tuple[int, int, int]:
@@ -187,6 +192,15 @@ class IrradianceVectorGrid:
         vectors = self.vectors if directional is Directional.REPORT else self._interpolated[spatial]
         stored = (vectors, self.validity, self.partitions, self.lattice)
         return irradiance(*stored, p, n, spatial, directional, normal_bias)
+
+    def interpolated(self, spatial: Spatial) -> NDArray[np.float32]:
+        """Return what default look-ups interpolate, of the shape of `vectors`: these without the cells' smoothing."""
+        return self._interpolated[spatial]
+
+    @cached_property
+    def partitions(self) -> Partitions:
+        """Which side of thin walls vertices speak for."""
+        return Partitions(self.plane_start, self.planes)
 
     @cached_property
     def _interpolated(self) -> _InterpolatedVectors:

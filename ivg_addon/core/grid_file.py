@@ -9,12 +9,9 @@ temporary file beside the target and renamed, so a reader sees a whole file or t
 from __future__ import annotations
 
 import json
-import os
 import struct
-import tempfile
 import zipfile
 import zlib
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -22,12 +19,12 @@ import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import NDArray
 
-from .dual_cells import Lattice
-from .errors import GridFileError, SettingsError
-from .grid import BakeRecord, IrradianceVectorGrid
+from . import grid_parts
+from .errors import GridFileError
+from .grid import IrradianceVectorGrid
 from .memory import require
-from .partitions import MOST_PLANES, Partitions
-from .settings import BakeSettings, Estimator
+from .partitions import MOST_PLANES
+from .whole_file import replacing
 
 FORMAT = "irradiance-vector-grid"
 VERSION = 3
@@ -42,62 +39,12 @@ _DAMAGE = (
 """What the readers of zip archives, arrays and JSON raise on files that are not what they claim to be."""
 
 
-def check_writable(path: Path) -> None:
-    """Raise `GridFileError` if a file cannot be made at `path`; leaves nothing behind."""
-    if path.is_dir():
-        raise GridFileError(f"{path} is a folder: name a file in it, for instance grid{SUFFIX}")
-    try:
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    except OSError as error:
-        raise GridFileError(
-            f"cannot write {path} ({error.strerror}): choose a folder that exists and is writable"
-        ) from error
-    os.close(handle)
-    os.unlink(name)
-    if path.exists() and not os.access(path, os.W_OK):
-        raise GridFileError(f"cannot replace {path}: it is read-only; choose another file")
-
-
 def save(grid: IrradianceVectorGrid, path: Path) -> None:
     """Write a grid, whole or not at all; raises `GridFileError` that names the file."""
-    check_writable(path)
-    header = json.dumps(
-        {
-            "format": FORMAT,
-            "version": VERSION,
-            "bounds_min": grid.lattice.bounds_min,
-            "bounds_max": grid.lattice.bounds_max,
-            "resolution": grid.lattice.resolution,
-            "record": asdict(grid.record),
-        }
-    )
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(handle, "wb") as stream:
-            np.savez(
-                stream,
-                header=np.array(header),
-                vectors=grid.vectors,
-                validity=grid.validity,
-                lit_weights=grid.lit_weights,
-                plane_start=grid.partitions.start,
-                planes=grid.partitions.planes,
-            )
-            stream.flush()
-            os.fsync(stream.fileno())
-        # mkstemp makes files that only their owner may read; a grid is an ordinary file.
-        umask = os.umask(0)
-        os.umask(umask)
-        os.chmod(name, 0o666 & ~umask)
-        os.replace(name, path)
-    except OSError as error:
-        raise GridFileError(
-            f"cannot write {path} ({error.strerror or error}): free some space or choose "
-            "another folder; the previous file is unchanged"
-        ) from error
-    finally:
-        if os.path.exists(name):
-            os.unlink(name)
+    header = {"format": FORMAT, "version": VERSION, **grid_parts.header(grid.lattice, grid.record)}
+    arrays: dict[str, Any] = {"header": np.array(json.dumps(header)), **grid_parts.arrays(grid)}
+    with replacing(path) as stream:
+        np.savez(stream, **arrays)
 
 
 def load(path: Path) -> IrradianceVectorGrid:
@@ -105,30 +52,24 @@ def load(path: Path) -> IrradianceVectorGrid:
     try:
         with zipfile.ZipFile(path) as archive:
             header = _read_header(archive, path)
-            lattice, record = _parse_header(header, path)
+            lattice, record = grid_parts.parse_header(header, str(path))
             shape = lattice.shape
-            vectors = _read_array(archive, "vectors", (*shape, 6, 3, 3), np.dtype(np.float32), path)
-            validity = _read_array(archive, "validity", shape, np.dtype(np.float32), path)
-            lit_weights = _read_array(archive, "lit_weights", (*shape, 3, 3, 3), np.dtype(np.float16), path)
-            partitions = _read_partitions(archive, lattice, path)
+            expected: dict[str, tuple[tuple[int, ...], type[np.generic]]] = {
+                "vectors": ((*shape, 6, 3, 3), np.float32),
+                "validity": (shape, np.float32),
+                "lit_weights": ((*shape, 3, 3, 3), np.float16),
+                "plane_start": ((lattice.vertex_count + 1,), np.int32),
+            }
+            arrays = {name: _read_array(archive, name, *form, path) for name, form in expected.items()}
+            count = min(max(int(arrays["plane_start"][-1]), 0), MOST_PLANES * lattice.vertex_count)
+            arrays["planes"] = _read_array(archive, "planes", (count, 5), np.float32, path)
     except FileNotFoundError as error:
         raise GridFileError(f"{path} does not exist: bake it first, or name another") from error
     except _DAMAGE as error:
         raise GridFileError(f"{path} is not a grid file, or only part of one ({error}): bake it again") from error
     except OSError as error:
         raise GridFileError(f"cannot read {path} ({error.strerror or error})") from error
-    if not all(np.isfinite(array).all() for array in (vectors, validity, lit_weights, partitions.planes)):
-        raise GridFileError(f"{path} holds numbers that are not finite: bake it again")
-    return IrradianceVectorGrid(vectors, validity, lit_weights, partitions, lattice, record)
-
-
-def _read_partitions(archive: zipfile.ZipFile, lattice: Lattice, path: Path) -> Partitions:
-    """Return the planes of vertices after checking that each vertex finds its own."""
-    start = _read_array(archive, "plane_start", (lattice.vertex_count + 1,), np.dtype(np.int32), path)
-    if start[0] != 0 or not (0 <= np.diff(start)).all() or start[-1] > MOST_PLANES * lattice.vertex_count:
-        raise GridFileError(f"{path}: array 'plane_start' is damaged: bake it again")
-    planes = _read_array(archive, "planes", (int(start[-1]), 5), np.dtype(np.float32), path)
-    return Partitions(start, planes)
+    return grid_parts.assemble(lattice, record, arrays, str(path))
 
 
 def _member(archive: zipfile.ZipFile, name: str, path: Path) -> zipfile.ZipInfo:
@@ -163,42 +104,11 @@ def _read_header(archive: zipfile.ZipFile, path: Path) -> dict[str, Any]:
     return dict(header)
 
 
-def _parse_header(header: dict[str, Any], path: Path) -> tuple[Lattice, BakeRecord]:
-    """Return lattice and record."""
-    try:
-        settings = dict(header["record"]["settings"])
-        settings["estimator"] = Estimator(settings["estimator"])
-        for name in ("bounds_min", "bounds_max", "resolution"):
-            settings[name] = tuple(settings[name])
-        record = dict(header["record"])
-        record["settings"] = BakeSettings(**settings)
-        record["emitted"] = _vec3(record["emitted"])
-        lattice = Lattice(
-            bounds_min=_vec3(header["bounds_min"]),
-            bounds_max=_vec3(header["bounds_max"]),
-            resolution=tuple(int(n) for n in header["resolution"]),  # type: ignore[arg-type]
-        )
-        if len(lattice.resolution) != 3 or min(lattice.resolution) < 1:
-            raise SettingsError(f"resolution {lattice.resolution}")
-        if not np.less(lattice.bounds_min, lattice.bounds_max).all():
-            raise SettingsError(f"bounds {lattice.bounds_min} to {lattice.bounds_max}")
-        return lattice, BakeRecord(**record)
-    except (KeyError, TypeError, ValueError, SettingsError) as error:
-        raise GridFileError(f"{path} has a damaged header ({error}): bake it again") from error
-
-
-def _vec3(values: Any) -> tuple[float, float, float]:
-    """Return three finite floats."""
-    x, y, z = (float(value) for value in values)
-    if not np.isfinite((x, y, z)).all():
-        raise ValueError(f"{values} where finite numbers belong")
-    return x, y, z
-
-
 def _read_array(
-    archive: zipfile.ZipFile, name: str, shape: tuple[int, ...], dtype: np.dtype[Any], path: Path
+    archive: zipfile.ZipFile, name: str, shape: tuple[int, ...], kind: type[np.generic], path: Path
 ) -> NDArray[Any]:
     """Return an array, after checking that the file holds as much as it claims."""
+    dtype = np.dtype(kind)
     entry = _member(archive, name, path)
     size = int(np.prod(shape, dtype=object)) * dtype.itemsize
     if not size <= entry.file_size <= size + (1 << 16):

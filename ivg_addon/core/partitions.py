@@ -48,6 +48,17 @@ class Partitions:
         """Return that of a grid that nothing divides."""
         return cls(np.zeros(vertex_count + 1, dtype=np.int32), np.empty((0, 5), dtype=np.float32))
 
+    def problem(self, vertex_count: int) -> str | None:
+        """Return what is wrong with the arrays of a grid of so many vertices, if anything."""
+        if self.start.shape != (vertex_count + 1,) or self.start.dtype != np.int32:
+            return f"plane_start: {self.start.dtype} {self.start.shape} instead of int32 {(vertex_count + 1,)}"
+        per_vertex = np.diff(self.start.astype(np.int64))
+        if self.start[0] != 0 or per_vertex.min() < 0 or per_vertex.max() > MOST_PLANES:
+            return f"plane_start does not give each vertex 0 to {MOST_PLANES} planes"
+        if self.planes.shape != (self.start[-1], 5) or self.planes.dtype != np.float32:
+            return f"planes: {self.planes.dtype} {self.planes.shape} instead of float32 {(int(self.start[-1]), 5)}"
+        return None
+
     @property
     def divided(self) -> NDArray[np.bool_]:
         """Which vertices have planes, (vertices,)."""

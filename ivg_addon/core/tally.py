@@ -16,6 +16,7 @@ one slot per vertex:
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -84,7 +85,7 @@ def nearest_vertex(x, top):
     return math.floor(min(max(x, 0.0), top) + 0.5)
 
 
-def _track_length_kernel(divided):
+def _track_length_kernel(divided: bool) -> Callable[..., None]:
     """Return the kernel of the track-length estimator, for a grid with partitions or, faster, without."""
 
     @kernel

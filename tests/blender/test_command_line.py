@@ -12,7 +12,10 @@ from pathlib import Path
 import pytest
 
 from ivg_addon.blender.command_line import DONE, FAILED, INTERRUPTED, WRONG_USAGE, main
-from ivg_addon.core import IrradianceVectorGrid
+from ivg_addon.core import IrradianceVectorGrid, vdb_grid
+from ivg_addon.core.grid_parts import digest
+
+from .stored_grids import in_fresh_process
 
 ROOT = Path(__file__).resolve().parents[2]
 CORNELL = ROOT / "sample_blend" / "cornell.blend"
@@ -55,7 +58,7 @@ def test_bake_prints_what_it_did(baked: tuple[Path, subprocess.CompletedProcess[
         assert word in result.stdout
     assert "Read blend" not in result.stdout
     assert "Tracing photons" in result.stderr
-    assert {path.name for path in folder.iterdir()} == {"room.ivg.npz", "kept.blend"}
+    assert {path.name for path in folder.iterdir()} == {"room.ivg.npz", "room.ivg.vdb", "kept.blend"}
 
 
 def test_bake_uses_its_options(baked: tuple[Path, subprocess.CompletedProcess[str]]) -> None:
@@ -76,6 +79,42 @@ def test_saved_blend_brings_the_settings_of_the_next_bake(
     assert result.returncode == DONE, result.stderr
     used = IrradianceVectorGrid.load(folder / "room.ivg.npz").record.settings
     assert (used.photons, used.resolution, used.seed, used.estimator) == (1_000, (3, 4, 5), 7, "CROSSING")
+
+
+def test_saved_blend_has_the_grid(baked: tuple[Path, subprocess.CompletedProcess[str]]) -> None:
+    """In its image to the bit, and in its volume, whose file lies beside it and is found from there."""
+    folder, _ = baked
+    code = """
+bpy.ops.wm.open_mainfile(filepath=arguments[0])
+image = bpy.context.scene.ivg.grid
+print(image.name, digest(storage.load_grid(image)), storage.problem(image) or 'intact', bpy.data.volumes[0].filepath)
+"""
+    expected = digest(vdb_grid.load(folder / "room.ivg.vdb"))
+    told = in_fresh_process(code, folder / "kept.blend")
+    assert told == f"IVG Cornell Box {expected} intact //room.ivg.vdb"
+
+
+def test_a_bake_that_is_not_saved_leaves_its_file_only(tmp_path: Path) -> None:
+    path = tmp_path / "room.ivg.npz"
+    result = run("bake", CORNELL, "--photons", "1000", "--resolution", "2", "2", "2", "--out", path)
+    assert result.returncode == DONE, result.stderr
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_baking_over_a_saved_blend_keeps_a_second_grid_apart(tmp_path: Path) -> None:
+    blend = tmp_path / "two.blend"
+    options = ("--photons", "1000", "--resolution", "2", "2", "2", "--save-blend", blend)
+    first = run("bake", CORNELL, *options, "--out", tmp_path / "a.ivg.npz")
+    second = run("bake", blend, *options, "--grid", "Second", "--seed", "1", "--out", tmp_path / "b.ivg.npz")
+    assert (first.returncode, second.returncode) == (DONE, DONE), second.stderr
+    code = """
+bpy.ops.wm.open_mainfile(filepath=arguments[0])
+grids = storage.grids(bpy.data)
+print([(image.name, digest(storage.load_grid(image)), storage.problem(image)) for image in grids])
+"""
+    digests = [digest(IrradianceVectorGrid.load(tmp_path / name)) for name in ("a.ivg.npz", "b.ivg.npz")]
+    told = in_fresh_process(code, blend)
+    assert told == str([("IVG Cornell Box", digests[0], ""), ("Second", digests[1], "")])
 
 
 def test_info_needs_no_blender(baked: tuple[Path, subprocess.CompletedProcess[str]], tmp_path: Path) -> None:

@@ -46,7 +46,7 @@ def summary(scene: Any) -> dict[str, Any]:
 
 def test_bake_writes_the_grid_and_remembers_what_it_did(room: Any, tmp_path: Path) -> None:
     assert bpy.ops.ivg.bake(**SMALL) == {"FINISHED"}
-    assert set(files(tmp_path)) == {"room.ivg.npz"}
+    assert set(files(tmp_path)) == {"room.ivg.npz", "room.ivg.vdb"}
     grid = IrradianceVectorGrid.load(tmp_path / "room.ivg.npz")
     assert grid.resolution == (2, 3, 4)
     assert grid.record.settings.photons == 2_000
@@ -172,12 +172,29 @@ def test_compare_writes_the_picture_and_keeps_the_numbers(room: Any, tmp_path: P
     room.cycles.samples = 2
     bpy.ops.ivg.bake(**SMALL)
     assert bpy.ops.ivg.compare() == {"FINISHED"}
-    assert set(files(tmp_path)) == {"room.ivg.npz", "room.compare.png", "room.compare.exr"}
+    assert set(files(tmp_path)) == {"room.ivg.npz", "room.ivg.vdb", "room.compare.png", "room.compare.exr"}
     kept = {row.name: row.value for row in room.ivg.last_compare.rows}
     assert "relative RMSE" in kept["Error"]
     assert room.ivg.last_compare.filepath == str(tmp_path / "room.compare.png")
     bpy.ops.ivg.bake(**SMALL)
     assert not room.ivg.last_compare.rows, "the numbers of the grid before are not this one's"
+
+
+def test_compare_reads_the_grid_that_the_blend_keeps(room: Any, tmp_path: Path) -> None:
+    """The file may be gone; an image that was painted on is named."""
+    bpy.ops.object.camera_add(location=(0, 0, 1))
+    room.camera = bpy.context.object
+    room.render.resolution_x = room.render.resolution_y = 8
+    room.cycles.samples = 2
+    bpy.ops.ivg.bake(**SMALL)
+    (tmp_path / "room.ivg.npz").unlink()
+    assert bpy.ops.ivg.compare() == {"FINISHED"}
+    room.ivg.grid.pixels[0] = 1.0
+    with pytest.raises(RuntimeError, match="image 'IVG Scene' was painted on or changed"):
+        bpy.ops.ivg.compare()
+    bpy.ops.ivg.grid_remove()
+    with pytest.raises(RuntimeError, match="does not exist"):
+        bpy.ops.ivg.compare()
 
 
 def test_bounds_add_fits_an_empty_to_the_scene(room: Any) -> None:
@@ -202,7 +219,7 @@ def test_clear_forgets_the_bake_but_not_its_file(room: Any, tmp_path: Path) -> N
     bpy.ops.ivg.bake(**SMALL)
     assert bpy.ops.ivg.clear() == {"FINISHED"}
     assert summary(room) == {"filepath": "", "rows": [], "notices": []}
-    assert set(files(tmp_path)) == {"room.ivg.npz"}
+    assert set(files(tmp_path)) == {"room.ivg.npz", "room.ivg.vdb"}
 
 
 def test_grid_is_kept_beside_the_blend_under_its_name(room: Any, tmp_path: Path) -> None:

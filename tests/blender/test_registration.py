@@ -12,7 +12,10 @@ import bpy
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-OPERATORS = {"bake", "bounds_add", "cancel", "clear", "compare", "copy_summary", "dismiss_error"}
+OPERATORS = {
+    *("bake", "bounds_add", "cancel", "check", "clear", "compare", "copy_summary", "dismiss_error"),
+    *("export_vdb", "grid_remove", "restore"),
+}
 HANDLERS = (
     *("load_pre", "load_post", "undo_pre", "undo_post", "redo_pre", "redo_post"),
     *("depsgraph_update_post", "frame_change_post"),

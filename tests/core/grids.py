@@ -45,12 +45,14 @@ def grid(
     partitions: Partitions | None = None,
 ) -> IrradianceVectorGrid:
     """Return a grid of vectors (…, 6, 3, 3) at the vertices; lit all over unless `validity` and `lit_weights` tell."""
+    sides = Partitions.none(lattice.vertex_count) if partitions is None else partitions
     lit = np.ones(lattice.shape) if validity is None else validity
     return IrradianceVectorGrid(
         vectors=np.ascontiguousarray(np.broadcast_to(vectors, (*lattice.shape, 6, 3, 3)), dtype=np.float32),
         validity=np.ascontiguousarray(np.broadcast_to(np.asarray(lit), lattice.shape), dtype=np.float32),
         lit_weights=lattice.whole_cell_weights() if lit_weights is None else lit_weights,
-        partitions=Partitions.none(lattice.vertex_count) if partitions is None else partitions,
+        plane_start=sides.start,
+        planes=sides.planes,
         lattice=lattice,
         record=record(lattice),
     )

@@ -26,6 +26,7 @@ from ivg_addon.core.errors import GridFileError, IvgError
 from ivg_addon.core.grid import IrradianceVectorGrid
 from ivg_addon.core.partitions import MOST_PLANES, Partitions
 from ivg_addon.core.settings import BakeSettings, Estimator
+from ivg_addon.core.whole_file import check_writable
 
 from .grids import grid, record
 
@@ -63,8 +64,8 @@ def assert_same(a: IrradianceVectorGrid, b: IrradianceVectorGrid) -> None:
     assert a.vectors.tobytes() == b.vectors.tobytes()
     assert a.validity.tobytes() == b.validity.tobytes()
     assert a.lit_weights.tobytes() == b.lit_weights.tobytes()
-    assert a.partitions.start.tobytes() == b.partitions.start.tobytes()
-    assert a.partitions.planes.tobytes() == b.partitions.planes.tobytes()
+    assert a.plane_start.tobytes() == b.plane_start.tobytes()
+    assert a.planes.tobytes() == b.planes.tobytes()
     assert (a.lattice, a.record) == (b.lattice, b.record)
 
 
@@ -102,11 +103,13 @@ def any_grid(draw: st.DrawFn) -> IrradianceVectorGrid:
         lit_points=draw(st.integers(0, 10_000)),
     )
     made = record(lattice, scene=draw(st.text()))
+    sides = draw(any_partitions(lattice.vertex_count))
     return IrradianceVectorGrid(
         vectors=draw(arrays(np.float32, (*lattice.shape, 6, 3, 3), elements=finite)),
         validity=draw(arrays(np.float32, lattice.shape, elements=st.floats(0, 1, width=32))),
         lit_weights=draw(arrays(np.float16, (*lattice.shape, 3, 3, 3), elements=st.floats(0, 1, width=16))),
-        partitions=draw(any_partitions(lattice.vertex_count)),
+        plane_start=sides.start,
+        planes=sides.planes,
         lattice=lattice,
         record=replace(made, settings=baked, emitted=draw(st.tuples(*[st.floats(0, 1e30)] * 3))),
     )
@@ -370,7 +373,7 @@ def read_only(tmp_path: Path) -> Iterator[Path]:
 
 def test_a_read_only_folder(read_only: Path) -> None:
     with pytest.raises(GridFileError, match=r"cannot write .*: choose a folder that exists and is writable"):
-        grid_file.check_writable(read_only / "room.ivg.npz")
+        check_writable(read_only / "room.ivg.npz")
 
 
 def test_a_read_only_file(saved: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -380,7 +383,7 @@ def test_a_read_only_file(saved: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_asking_whether_a_file_can_be_written_leaves_nothing(path: Path) -> None:
-    grid_file.check_writable(path)
+    check_writable(path)
     assert list(path.parent.iterdir()) == []
 
 

@@ -233,16 +233,29 @@ def test_arrays_of_a_wrong_shape_or_type_make_no_grid() -> None:
     validity = np.ones(LATTICE.shape, dtype=np.float32)
     record = grid(UNIFORM).record
     weights = LATTICE.whole_cell_weights()
-    undivided = Partitions.none(LATTICE.vertex_count)
+    none = Partitions.none(LATTICE.vertex_count)
+    undivided = none.start, none.planes
     with pytest.raises(SettingsError, match=r"grid vectors have shape .* needs \(6, 5, 8, 6, 3, 3\)"):
-        IrradianceVectorGrid(vectors[:-1], validity, weights, undivided, LATTICE, record)
+        IrradianceVectorGrid(vectors[:-1], validity, weights, *undivided, LATTICE, record)
     with pytest.raises(SettingsError, match=r"grid validity have shape .* needs \(6, 5, 8\)"):
-        IrradianceVectorGrid(vectors, validity[..., None], weights, undivided, LATTICE, record)
+        IrradianceVectorGrid(vectors, validity[..., None], weights, *undivided, LATTICE, record)
     with pytest.raises(SettingsError, match=r"grid lit_weights have shape .* needs \(6, 5, 8, 3, 3, 3\)"):
-        IrradianceVectorGrid(vectors, validity, weights.reshape(*LATTICE.shape, 27), undivided, LATTICE, record)
+        IrradianceVectorGrid(vectors, validity, weights.reshape(*LATTICE.shape, 27), *undivided, LATTICE, record)
     with pytest.raises(SettingsError, match="grid vectors: float64 instead of float32"):
-        IrradianceVectorGrid(vectors.astype(np.float64), validity, weights, undivided, LATTICE, record)  # type: ignore[arg-type]
+        IrradianceVectorGrid(vectors.astype(np.float64), validity, weights, *undivided, LATTICE, record)  # type: ignore[arg-type]
     with pytest.raises(SettingsError, match="grid validity: int64 instead of float32"):
-        IrradianceVectorGrid(vectors, validity.astype(np.int64), weights, undivided, LATTICE, record)  # type: ignore[arg-type]
+        IrradianceVectorGrid(vectors, validity.astype(np.int64), weights, *undivided, LATTICE, record)  # type: ignore[arg-type]
     with pytest.raises(SettingsError, match="grid lit_weights: float32 instead of float16"):
-        IrradianceVectorGrid(vectors, validity, weights.astype(np.float32), undivided, LATTICE, record)  # type: ignore[arg-type]
+        IrradianceVectorGrid(vectors, validity, weights.astype(np.float32), *undivided, LATTICE, record)  # type: ignore[arg-type]
+    four = np.full(len(none.start), 4, dtype=np.int32)
+    four[0] = 0
+    for start, planes, message in [
+        (none.start[:-1], none.planes, "plane_start: int32"),
+        (none.start.astype(np.int64), none.planes, "plane_start: int64"),
+        (none.start + np.int32(1), none.planes, "does not give each vertex 0 to 3 planes"),
+        (four, np.zeros((4, 5), dtype=np.float32), "does not give each vertex 0 to 3 planes"),
+        (none.start[::-1] - np.arange(len(none.start), dtype=np.int32), none.planes, "0 to 3 planes"),
+        (none.start, np.zeros((1, 5), dtype=np.float32), r"planes: float32 \(1, 5\)"),
+    ]:
+        with pytest.raises(SettingsError, match=message):
+            IrradianceVectorGrid(vectors, validity, weights, start, planes, LATTICE, record)

@@ -12,7 +12,6 @@ from ivg_addon.core.camera import Camera, PixelFilter, Projection
 from ivg_addon.core.dual_cells import Lattice
 from ivg_addon.core.errors import SettingsError
 from ivg_addon.core.grid import BakeRecord, IrradianceVectorGrid
-from ivg_addon.core.partitions import Partitions
 from ivg_addon.core.picture import LookUp, Picture, shade_steps
 from ivg_addon.core.scene import Scene, Texture
 from ivg_addon.core.settings import BakeSettings, Directional
@@ -34,7 +33,8 @@ def grid(vectors: np.ndarray) -> IrradianceVectorGrid:
         vectors=np.broadcast_to(vectors, (*lattice.shape, 6, 3, 3)).astype(np.float32),
         validity=np.ones(lattice.shape, dtype=np.float32),
         lit_weights=lattice.whole_cell_weights(),
-        partitions=Partitions.none(lattice.vertex_count),
+        plane_start=np.zeros(lattice.vertex_count + 1, dtype=np.int32),
+        planes=np.empty((0, 5), dtype=np.float32),
         lattice=lattice,
         record=BakeRecord("Test", "", settings, "2026-01-01T00:00:00+00:00", "", (0.0, 0.0, 0.0)),
     )

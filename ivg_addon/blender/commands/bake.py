@@ -26,7 +26,7 @@ def run(options: argparse.Namespace, output: TextIO, interrupts: Interrupts) -> 
     open_blend(options.blend)
     overrides = _overrides(options)
     scene = bpy.context.scene
-    job = bake_job(bpy.context, overrides, interrupts.run)
+    job = bake_job(bpy.context, overrides, interrupts.run, store=options.save_blend is not None)
     with Console(sys.stderr) as console:
         jobs.run_blocking(job, console.show, interrupts.check)
     output.write(outcome.text(scene.ivg.last_bake) + "\n")
@@ -38,7 +38,7 @@ def run(options: argparse.Namespace, output: TextIO, interrupts: Interrupts) -> 
 
 def _overrides(options: argparse.Namespace) -> dict[str, Any]:
     """Return what the command line says in place of the scene's settings."""
-    names = ("photons", "bounces", "estimator", "seed", "threads", "include_direct")
+    names = ("photons", "bounces", "estimator", "seed", "threads", "include_direct", "grid")
     given = {name: getattr(options, name) for name in names if getattr(options, name) is not None}
     if options.resolution == "auto":
         given["resolution_mode"] = "AUTO"
@@ -56,7 +56,7 @@ def _keep(scene: bpy.types.Scene, overrides: dict[str, Any], blend: Path) -> Non
     if "resolution" in overrides:
         scene.ivg.resolution_mode = "MANUAL"
     for name, value in overrides.items():
-        if hasattr(scene.ivg, name):
+        if hasattr(scene.ivg, name) and name != "grid":  # a name here, there the grid itself, which the bake has set
             setattr(scene.ivg, name, value)
     path = outcome.grid_file(scene)
     scene.ivg.last_bake.filepath = outcome.near(path, blend)
