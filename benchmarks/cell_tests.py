@@ -8,9 +8,15 @@ bakes, and points of one cell, scatter. What a single point's samples scatter by
 
 Tested are, per channel, the sum of everything, the sums over 1 and 27 blocks of cells per axis, and the single cells
 per axis. Each test is a Welch t-test; the smallest p-value times the number of tests (Bonferroni, which holds for
-correlated tests) is the p-value of the comparison. Two things keep single cells honest although few points look at
-each: one whose points scatter less than the cells of its block do on average is given their average, for its points
-may have missed what is rare; and one at the edge of the light is left to the sums.
+correlated tests) is the p-value of the comparison.
+
+What a few of Cycles' paths find, a lamp in a mirror or behind glass, has no honest standard error where few of them
+found it: points that missed it neither see its light nor know how it scatters, and a t-test then finds Cycles too dark
+(Cycles fails against its own mean of a thousand times as many paths). So the error is not taken from what the points of
+a sum happened to see, but, if that is more, from what both sides should see if they are equal. Light that comes in
+independent hits of weights w has, in a mean over n paths, the variance ω times its expectation, ω = E[w²]/(n E[w]): the
+number of hits is a Poisson number. ω is known from all cells together, and the expectation from the bake. That is a
+score test, where a test with the error that was seen is Wald's. Cells at the edge of light are left to the sums.
 """
 
 from __future__ import annotations
@@ -143,20 +149,20 @@ def compare_cells(cells: Cells, baked: Float64, points: Float64) -> Verdict:
     points : (points, cells, 6, 3 channels)
         Irradiance at independent random points of each cell.
     """
-    freedom = len(points) - 1
     cycles = points.mean(axis=0)
     variance = points.var(axis=0, ddof=1) / len(points)
     edge = cells.at_edge(points)
     # The points of a cell at an edge may all have missed its lit part, or its dark one: what they did not see is of
     # the order of one point in their number.
     variance += edge[..., None] * (points.max(axis=(0, 1)) / len(points)) ** 2
-    careful = _at_least_average(variance, cells.blocks(BLOCKS))
-    deviations = [_deviations(baked[:, ~edge], cycles[~edge], careful[~edge], careful[~edge] ** 2 / freedom)]
-    whole = (baked, cycles, variance, variance**2 / freedom)
+    squares = variance**2 / (len(points) - 1)
+    weight, freedom = _hit_weight(cycles, variance, squares)
+    whole = (baked, cycles, variance, squares, weight * baked.mean(axis=0))
+    deviations = [_deviations(*(values[..., ~edge, :] for values in whole), freedom)]
     for divisions in (1, BLOCKS):
         blocks = cells.blocks(divisions)
-        deviations.append(_deviations(*(_sum(values, blocks) for values in whole)))
-    deviations.append(_deviations(*(values.sum(axis=(-3, -2)) for values in whole)))
+        deviations.append(_deviations(*(_sum(values, blocks) for values in whole), freedom))
+    deviations.append(_deviations(*(values.sum(axis=(-3, -2)) for values in whole), freedom))
     z = np.concatenate(deviations)
     largest = float(z[np.abs(z).argmax()]) if len(z) else 0.0
     ratio, error = _ratio(baked.sum(axis=(1, 2, 3)), float(cycles.sum()), float(variance.sum()))
@@ -170,10 +176,18 @@ def compare_cells(cells: Cells, baked: Float64, points: Float64) -> Verdict:
     )
 
 
-def _at_least_average(variance: Float64, blocks: Float64) -> Float64:
-    """Return (cells, 6, 3) variances, each at least the mean of its block."""
-    mean = _sum(variance, blocks) / blocks.sum(axis=1)[:, None, None]
-    return np.maximum(variance, mean[blocks.argmax(axis=0)])
+def _hit_weight(cycles: Float64, variance: Float64, squares: Float64) -> tuple[Float64, float]:
+    """Return ω of the module's text, (6, 3), of all cells, and its degrees of freedom, the least of all axes.
+
+    Parameters
+    ----------
+    cycles, variance, squares : (cells, 6, 3)
+        Means of Cycles, their squared standard errors v, and v² / ν.
+    """
+    light, total, spread = cycles.sum(axis=0), variance.sum(axis=0), squares.sum(axis=0)
+    scatters = (light > 0.0) & (spread > 0.0)
+    weight = np.divide(total, light, out=np.zeros_like(light), where=scatters)
+    return weight, float(np.min(total[scatters] ** 2 / spread[scatters], initial=math.inf))
 
 
 def _ratio(totals: Float64, cycles: float, variance: float) -> tuple[float, float]:
@@ -191,7 +205,9 @@ def _sum(values: Float64, blocks: Float64) -> Float64:
     return total
 
 
-def _deviations(baked: Float64, cycles: Float64, variance: Float64, squares: Float64) -> Float64:
+def _deviations(
+    baked: Float64, cycles: Float64, variance: Float64, squares: Float64, expected: Float64, freedom: float
+) -> Float64:
     """Return Welch's t of each sum as the z of the normal distribution of the same p-value.
 
     Degrees of freedom are Welch's and Satterthwaite's, (Σ v)² / Σ (v² / ν) over all variances v that make up the
@@ -206,15 +222,18 @@ def _deviations(baked: Float64, cycles: Float64, variance: Float64, squares: Flo
         Sums of means of Cycles, and of their squared standard errors v.
     squares : (…)
         Sums of v² / ν.
+    expected : (…)
+        What v should be for the bake's light, known to so many degrees of `freedom`.
     """
     bakes = len(baked)
     mean, scatter2 = baked.mean(axis=0), baked.var(axis=0, ddof=1)
-    error2 = scatter2 / bakes + variance
+    squares = np.where(expected > variance, expected**2 / freedom, squares)
+    error2 = scatter2 / bakes + np.maximum(expected, variance)
     few = np.where(mean > 0.0, scatter2 >= (_FEW_PHOTONS * mean) ** 2, ~_due(mean, scatter2, cycles))
     tested = (error2 > 0.0) & ~few
-    freedom = error2[tested] ** 2 / ((scatter2[tested] / bakes) ** 2 / (bakes - 1) + squares[tested])
+    both = error2[tested] ** 2 / ((scatter2[tested] / bakes) ** 2 / (bakes - 1) + squares[tested])
     t = (mean - cycles)[tested] / np.sqrt(error2[tested])
-    z = np.sqrt(freedom * np.log1p(t * t / freedom)) * (8 * freedom + 1) / (8 * freedom + 3)
+    z = np.sqrt(both * np.log1p(t * t / both)) * (8 * both + 1) / (8 * both + 3)
     return np.copysign(z, t)
 
 
