@@ -144,7 +144,14 @@ class SocketReader:
         for node in sorted(needs.undefined):
             self.notes.add("warning", f"{name}: node '{node}' is of an unknown type: ignored, as in Cycles")
 
-    def fresnel_ior(self, output: Output) -> Value | None:
+    def view_factor(self, output: Output) -> tuple[str, Value] | None:
+        """Return shape and value of the `closures.Factor` that an output is by the direction of view, None if none."""
+        if output.node.type == "LAYER_WEIGHT" and output.socket.name == "Facing":
+            return "FACING", (_plain(output, "Blend"),)
+        ior = self._fresnel_ior(output)
+        return None if ior is None else ("FRESNEL", ior)
+
+    def _fresnel_ior(self, output: Output) -> Value | None:
         """Return the index of refraction of the dielectric whose reflectance an output is, None if it is none."""
         if output.node.type == "FRESNEL":
             ior = self.number(output.input("IOR"))

@@ -32,6 +32,8 @@ _PRINCIPLED = {
     "Emission Strength": False,
 }
 """Inputs of a Principled BSDF that carry energy, and whether they are colours."""
+_FACETS = {"Anisotropy": "anisotropy", "Anisotropic": "anisotropy", "Thin Film Thickness": "thin film"}
+"""Inputs that change facets otherwise than it is taken into account, and what that is called."""
 
 
 @dataclass(frozen=True)
@@ -127,15 +129,15 @@ class _SurfaceReader:
     def _mix(self, output: Output, weight: tuple[Factor, ...]) -> tuple[Closure, ...]:
         entry = output.input("Fac")
         _, source = follow(entry)
-        ior = None if source is None else self._sockets.fresnel_ior(source)
-        value: Value = ior if ior is not None else self._sockets.number(entry, "shader mix factor")
-        fresnel = ior is not None
+        seen = None if source is None else self._sockets.view_factor(source)
+        shape, value = seen or ("CONSTANT", self._sockets.number(entry, "shader mix factor"))
+        varies = seen is not None
         closures: tuple[Closure, ...] = ()
         # A shader of weight zero may be anything: it is not looked at.
-        if fresnel or not isinstance(value, tuple) or value[0] < 1.0:
-            closures += self._closures(output.input("Shader"), (*weight, Factor(value, True, fresnel)))
-        if fresnel or not isinstance(value, tuple) or value[0] > 0.0:
-            closures += self._closures(output.input("Shader_001"), (*weight, Factor(value, False, fresnel)))
+        if varies or not isinstance(value, tuple) or value[0] < 1.0:
+            closures += self._closures(output.input("Shader"), (*weight, Factor(value, True, shape)))
+        if varies or not isinstance(value, tuple) or value[0] > 0.0:
+            closures += self._closures(output.input("Shader_001"), (*weight, Factor(value, False, shape)))
         return closures
 
     def _inputs(self, output: Output, colours: tuple[str, ...], numbers: tuple[str, ...] = ()) -> dict[str, Value]:
@@ -146,12 +148,11 @@ class _SurfaceReader:
         }
 
     def _emission(self, output: Output, weight: tuple[Factor, ...]) -> tuple[Closure, ...]:
+        self._note_directed(weight)
         return (Closure("EMISSION", self._inputs(output, ("Color",), ("Strength",)), weight),)
 
     def _diffuse(self, output: Output, weight: tuple[Factor, ...]) -> tuple[Closure, ...]:
-        inputs = self._inputs(output, ("Color",), ("Roughness",))
-        self._note_rough(inputs["Roughness"])
-        return (Closure("DIFFUSE", inputs, weight),)
+        return (Closure("DIFFUSE", self._inputs(output, ("Color",), ("Roughness",)), weight),)
 
     def _as_diffuse(self, output: Output, weight: tuple[Factor, ...]) -> tuple[Closure, ...]:
         if output.node.type == "BSDF_TOON" and output.node.component != "DIFFUSE":
@@ -209,28 +210,36 @@ class _SurfaceReader:
             inputs["Thin Wall"] = self._sockets.number(output.input("Thin Wall"))
             if inputs["Thin Wall"] != (0.0,) and inputs["Transmission Weight"] != (0.0,):
                 self._omitted["blur in thin walls (taken as clear panes)"] = None
-        self._note_rough(inputs["Diffuse Roughness"])
-        if inputs["Coat Weight"] != (0.0,) and inputs["Emission Strength"] != (0.0,):
-            self._omitted["the directions of light through a coat (its mean taken)"] = None
+        if inputs["Emission Strength"] != (0.0,):
+            self._note_directed(weight)
+            if inputs["Coat Weight"] != (0.0,):
+                self._omitted["the directions of light through a coat (its mean taken)"] = None
         if inputs["Metallic"] != (0.0,) or inputs["Transmission Weight"] != (0.0,):
-            self._turned(output)
+            self._note_normal(output)
+        self._note_facets(output)
         return (Closure("PRINCIPLED", inputs, weight, output.node.distribution == "MULTI_GGX"),)
 
-    def _note_rough(self, roughness: Value) -> None:
-        """Say that rough diffuse reflection is as bright as in Cycles, but is spread otherwise."""
-        if roughness != (0.0,):
-            self._omitted["the shape of rough diffuse reflection (a cosine of the same amount)"] = None
+    def _note_directed(self, weight: tuple[Factor, ...]) -> None:
+        """Say that a surface shines towards all directions alike, though its weight depends on them."""
+        if any(factor.shape != "CONSTANT" for factor in weight):
+            self._omitted["the directions in which it shines by Fresnel or Layer Weight (their mean taken)"] = None
 
     def _turned(self, output: Output) -> None:
         """Say which properties of a glossy lobe are not taken into account."""
+        self._note_normal(output)
+        self._note_facets(output)
+
+    def _note_normal(self, output: Output) -> None:
         if follow(output.input("Normal"))[1] is not None:
             self._omitted["bump or normal map"] = None
+
+    def _note_facets(self, output: Output) -> None:
         names = [socket.identifier for socket in output.node.inputs]
-        for name in ("Anisotropy", "Anisotropic"):
+        for name, words in _FACETS.items():
             if name in names:
                 end, linked = follow(output.input(name))
                 if linked is not None or end.socket.default_value != 0.0:
-                    self._omitted["anisotropy"] = None
+                    self._omitted[words] = None
 
 
 _READERS: dict[str, Callable[[_SurfaceReader, Output, tuple[Factor, ...]], tuple[Closure, ...]]] = {

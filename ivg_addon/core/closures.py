@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .principled import mean_reflectance
+from .principled import COSINES, dielectric_curve, facing_curve
 
 Float64 = NDArray[np.float64]
 
@@ -36,16 +36,17 @@ class Factor:
     Parameters
     ----------
     value
-        A number, clamped to [0, 1]; with `fresnel` an index of refraction.
+        A number, clamped to [0, 1] unless it shapes something.
     complement
         The factor is 1 − value.
-    fresnel
-        The factor is the reflectance of a dielectric of that index of refraction.
+    shape
+        "CONSTANT"; or the value shapes a function of the direction of view: "FRESNEL", the reflectance of a dielectric
+        of that index of refraction, "FACING", the output of a Layer Weight node of that blend.
     """
 
     value: Value
     complement: bool = False
-    fresnel: bool = False
+    shape: str = "CONSTANT"
 
 
 @dataclass(frozen=True)
@@ -100,14 +101,22 @@ class Values:
         return float(np.mean(self(value)))
 
     def weight(self, factors: Iterable[Factor]) -> Float64:
-        """Return a product of factors, (k, 1)."""
+        """Return a product of factors, (k, 1), without those that depend on the direction of view."""
         product = np.ones((1, 1))
         for factor in factors:
-            if factor.fresnel:
-                share = np.array([[mean_reflectance(usable_index(self.mean(factor.value)))]])
-            else:
+            if factor.shape == "CONSTANT":
                 share = self.share(factor.value)
-            product = product * (1.0 - share if factor.complement else share)
+                product = product * (1.0 - share if factor.complement else share)
+        return product
+
+    def curve(self, factors: Iterable[Factor]) -> Float64:
+        """Return the product of those that do, (directions, 1) at `principled.COSINES`."""
+        product = np.ones((len(COSINES), 1))
+        for factor in factors:
+            if factor.shape != "CONSTANT":
+                value = float(np.nan_to_num(self.mean(factor.value)))
+                curve = dielectric_curve(usable_index(value)) if factor.shape == "FRESNEL" else facing_curve(value)
+                product = product * (1.0 - curve if factor.complement else curve)[:, None]
         return product
 
 

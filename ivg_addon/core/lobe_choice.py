@@ -18,18 +18,21 @@ from .lobes import (
     IOR,
     KIND,
     MEAN_FRESNEL,
+    NO_VIEW,
     ROUGHNESS,
     ROUGHNESS_TEXTURE,
     SECOND,
     SECOND_TEXTURE,
     UNWEIGHTED,
+    VIEW,
 )
+from .matte import view_factor
 from .microfacets import dielectric_reflectance, fresnel_factor
-from .scene import GLASS, GLOSSY, NO_TEXTURE, NONE, REFRACTION, TRANSPARENT
+from .scene import GLASS, GLOSSY, MATTE, NO_TEXTURE, NONE, REFRACTION, TRANSLUCENT, TRANSPARENT
 from .textures import sample_texture
 
 DIFFUSE = -1
-"""Stands for the row of a lobe: the diffuse one is none of them."""
+"""Stands for the row of a lobe: a diffuse one that is nothing but a cosine is none of them."""
 
 _REFLECTS, _TRANSMITS = 1, 2
 """What a row of the table is asked for: what it sends back, what it lets through, the sum for both."""
@@ -68,15 +71,15 @@ def lobe_color(numbers, lobe, column):
 
 
 @merged
-def _share(numbers, codes, lobe, part, front, cosine, w0, w1, w2):
+def _share(numbers, codes, views, lobe, part, front, cosine, w0, w1, w2):
     """Return roughly what a lobe sends on of the weights, in the channel where that is most; 0 only where it is 0.
 
     `part` is `_REFLECTS`, `_TRANSMITS` or both, `cosine` that of the arriving light to the shading normal, 0 where
     nothing but transparency counts.
     """
     kind = codes[lobe, KIND]
-    reflects = part & _REFLECTS != 0 and (kind == GLOSSY or kind == GLASS)
-    transmits = part & _TRANSMITS != 0 and kind != GLOSSY
+    reflects = part & _REFLECTS != 0 and (kind == GLOSSY or kind == GLASS or kind == MATTE)
+    transmits = part & _TRANSMITS != 0 and kind != GLOSSY and kind != MATTE
     share = 0.0
     if (reflects or transmits) and (cosine > 0.0 or kind == TRANSPARENT):
         red, green, blue = lobe_color(numbers, lobe, COLOR)
@@ -95,12 +98,20 @@ def _share(numbers, codes, lobe, part, front, cosine, w0, w1, w2):
                 kept = kept if reflects else 0.0
                 sent = sent if transmits else 0.0
             red, green, blue = red * kept + a * sent, green * kept + b * sent, blue * kept + c * sent
+        if codes[lobe, VIEW] != NO_VIEW and kind != MATTE and kind != TRANSLUCENT:
+            # What is smooth is seen from about the angle that light comes from.
+            a, b, c = view_factor(views, codes[lobe, VIEW], cosine)
+            red, green, blue = (
+                red * max(a, _LEAST_FACTOR),
+                green * max(b, _LEAST_FACTOR),
+                blue * max(c, _LEAST_FACTOR),
+            )
         share = max(0.0, largest_of(w0 * red, w1 * green, w2 * blue))
     return share
 
 
 @merged
-def pick_lobe(first, codes, numbers, near, far, front, cosine, diffuse_share, w0, w1, w2, xi):
+def pick_lobe(first, codes, numbers, views, near, far, front, cosine, diffuse_share, w0, w1, w2, xi):
     """Pick one lobe of all, by one number that is uniform again after each.
 
     `near` and `far` are the materials of the side that light meets and of the other; the rest as for `_share`.
@@ -121,7 +132,7 @@ def pick_lobe(first, codes, numbers, near, far, front, cosine, diffuse_share, w0
         met = candidate < of_near
         lobe = first[near] + candidate if met else first[far] + candidate - of_near
         part = _REFLECTS | _TRANSMITS if near == far else (_REFLECTS if met else _TRANSMITS)
-        its_share = _share(numbers, codes, lobe, part, front, cosine, w0, w1, w2)
+        its_share = _share(numbers, codes, views, lobe, part, front, cosine, w0, w1, w2)
         if its_share == 0.0:
             continue
         shares += its_share

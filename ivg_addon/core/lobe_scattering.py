@@ -12,10 +12,16 @@ For facets (`microfacets`; p(o) is the density of o as the image of i) this is
     reflection   w' = w R G₂/G₁ (|i·s| |o·g|) / (|i·g| |o·s|)
     refraction   w' = w T G₂/G₁ (|i·s| |o·g|) / (|i·g| |o·s|) (n_i/n_o)²
 
-with n the index of refraction on either side. Flux that is refracted keeps its power, and the radiance that it makes
-changes by (n_o/n_i)² [Veach 1997, §5.2]. Cycles leaves that factor out of radiance; what it computes is the light of
-photons that carry (n_i/n_o)² times as much. Through a closed body the factors cancel; in glass, and behind a single
-sheet of it, they do not. They say nothing of how important a photon is, so roulette leaves them out.
+with n the index of refraction on either side, and for diffuse lobes (`matte`; p(o) = |o·g| / π)
+
+    w' = w π f(o, i) |i·s| / |i·g|.
+
+What Cycles takes off a lobe by the direction of view (layers above it, mixes by Fresnel) is a factor of o.
+
+Flux that is refracted keeps its power, and the radiance that it makes changes by (n_o/n_i)² [Veach 1997, §5.2]. Cycles
+leaves that factor out of radiance; what it computes is the light of photons that carry (n_i/n_o)² times as much.
+Through a closed body the factors cancel; in glass, and behind a single sheet of it, they do not. They say nothing of
+how important a photon is, so roulette leaves them out.
 
 `lobe_choice` picks the lobe. Roulette then lets the photon live by what is left: at a diffuse or translucent lobe the
 whole weight decides, as in `scattering`; else what the lobe took off it.
@@ -29,11 +35,12 @@ from __future__ import annotations
 
 from .compiled import inlined, kernel, merged
 from .lobe_choice import DIFFUSE, facet_fate, largest_of, lobe_color, look_up_lobes, pick_lobe
-from .lobes import BACK_ENERGY, COLOR, FRONT_ENERGY, IOR, KIND, NO_ENERGY, ROUGHNESS
+from .lobes import BACK_ENERGY, COLOR, FRONT_ENERGY, IOR, KIND, NO_ENERGY, NO_VIEW, ROUGHNESS, SECOND, VIEW
+from .matte import SMOOTH, rough_diffuse, view_factor
 from .microfacets import CLEAR, MIRROR_ALPHA, energy_factor, refracted_cosine, shadowing, visible_normal
 from .random import STREAM_SCATTER, random4
 from .scattering import ABSORBED, CUT, ESCAPED, add_energy, store
-from .scene import NO_TEXTURE, TRANSLUCENT, TRANSPARENT
+from .scene import MATTE, NO_TEXTURE, TRANSLUCENT, TRANSPARENT
 from .surface_bins import BACK, FRONT, patch_of
 from .surfaces import corner, shading_normal, texture_coordinates
 from .tally import WEIGHT_LIMIT
@@ -114,7 +121,7 @@ def scatter_at_lobes(
     first, codes, textured = surfaces.lobes.first, surfaces.lobes.codes, surfaces.lobes.textured
     # The table as it is where the photon is: texture by texture looked up.
     numbers = surfaces.lobes.numbers.copy()
-    energies, mean_energies = surfaces.lobes.energy, surfaces.lobes.mean_energy
+    energies, mean_energies, views = surfaces.lobes.energy, surfaces.lobes.mean_energy, surfaces.lobes.views
     for index in range(late - 1, -1, -1):
         row, ray = waiting[index, 0], waiting[index, 1]
         triangle = hit_triangle[ray]
@@ -146,7 +153,7 @@ def scatter_at_lobes(
         xi_u, xi_v, xi_survival, xi = random4(seed, photons[row], STREAM_SCATTER + flight)
         diffuse_share = 0.0
         f0, f1, f2 = 0.0, 0.0, 0.0
-        if scatters:
+        if scatters and not surfaces.lobes.matte[near]:
             f0, f1, f2 = float(albedo[near, 0]), float(albedo[near, 1]), float(albedo[near, 2])
             if texture[near] != NO_TEXTURE:
                 f0, f1, f2 = surface_albedo(near, s, t, albedo, texture, surfaces.pool)
@@ -158,7 +165,7 @@ def scatter_at_lobes(
                 )
         cosine = cos_is if scatters else 0.0
         chosen, part, odds, xi = pick_lobe(
-            first, codes, numbers, near, far, front, cosine, diffuse_share, w0, w1, w2, xi
+            first, codes, numbers, views, near, far, front, cosine, diffuse_share, w0, w1, w2, xi
         )
         if odds == 0.0:
             add_energy(energy, ABSORBED if lit else ESCAPED, w0, w1, w2)
@@ -169,13 +176,23 @@ def scatter_at_lobes(
         scale, radiance_scale = 1.0 / odds, 1.0
         transmitted = kind == TRANSLUCENT or kind == TRANSPARENT
         ox, oy, oz = -ix, -iy, -iz
-        if transmitted:
+        cos_os = abs(cos_is)
+        diffuse = kind == DIFFUSE or kind == MATTE or kind == TRANSLUCENT
+        if transmitted or kind == MATTE:
             f0, f1, f2 = lobe_color(numbers, chosen, COLOR)
-        if kind == DIFFUSE or kind == TRANSLUCENT:
+        if diffuse:
             sign = -1.0 if transmitted else 1.0
             ox, oy, oz = cosine_direction(sign * gx, sign * gy, sign * gz, xi_u, xi_v)
             if turned:
                 scale *= cos_is / cos_ig
+            cos_os = sign * (ox * sx + oy * sy + oz * sz)
+            roughness = 0.0 if kind == DIFFUSE else float(numbers[chosen, ROUGHNESS])
+            if kind == MATTE and roughness >= SMOOTH:
+                cosine = ix * ox + iy * oy + iz * oz
+                m0, m1, m2 = lobe_color(numbers, chosen, SECOND)
+                f0 *= rough_diffuse(cos_is, cos_os, cosine, roughness, m0)
+                f1 *= rough_diffuse(cos_is, cos_os, cosine, roughness, m1)
+                f2 *= rough_diffuse(cos_is, cos_os, cosine, roughness, m2)
         elif kind != TRANSPARENT:
             roughness = float(numbers[chosen, ROUGHNESS])
             eta = float(numbers[chosen, IOR]) if front else 1.0 / float(numbers[chosen, IOR])
@@ -195,6 +212,9 @@ def scatter_at_lobes(
                 f1 *= energy_factor(energies, mean_energies, table, roughness, cos_os, m1)
                 f2 *= energy_factor(energies, mean_energies, table, roughness, cos_os, m2)
 
+        if kind != DIFFUSE and codes[chosen, VIEW] != NO_VIEW:
+            m0, m1, m2 = view_factor(views, codes[chosen, VIEW], cos_os)
+            f0, f1, f2 = f0 * m0, f1 * m1, f2 * m2
         scale *= radiance_scale
         r0, r1, r2 = w0 * f0 * scale, w1 * f1 * scale, w2 * f2 * scale
         largest = largest_of(r0, r1, r2)
@@ -207,7 +227,7 @@ def scatter_at_lobes(
         if ends:
             add_energy(energy, CUT, r0, r1, r2)
         of = radiance_scale * largest_of(w0, w1, w2)
-        if kind == DIFFUSE or kind == TRANSLUCENT:
+        if diffuse:
             of = standard[photons[row] & (len(standard) - 1)]
         survival = min(1.0, largest / of)
         if ends or xi_survival >= survival:

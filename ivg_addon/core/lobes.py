@@ -10,33 +10,39 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .microfacets import ENERGY_STEPS_COSINE, ENERGY_STEPS_ROUGHNESS, fill_energy, mean_fresnel_factor
-from .scene import GLASS, GLOSSY, NO_TEXTURE, TRANSPARENT, Float32, Int32, Lobes, Materials
+from .scene import GLASS, GLOSSY, MATTE, NO_TEXTURE, TRANSPARENT, VIEW_STEPS, Float32, Int32, Lobes, Materials
 
-KIND, FRESNEL, COLOR_TEXTURE, SECOND_TEXTURE, ROUGHNESS_TEXTURE, FRONT_ENERGY, BACK_ENERGY = range(7)
-"""Columns of `LobeTable.codes`; the last two are energy tables of the lobe as seen from each side."""
+KIND, FRESNEL, COLOR_TEXTURE, SECOND_TEXTURE, ROUGHNESS_TEXTURE, FRONT_ENERGY, BACK_ENERGY, VIEW = range(8)
+"""Columns of `LobeTable.codes`; energy tables are those of the lobe as seen from each side."""
 COLOR, SECOND, UNWEIGHTED, ROUGHNESS, IOR, MEAN_FRESNEL = 0, 3, 6, 9, 10, 11
 """Columns of `LobeTable.numbers`; the first three are colours."""
 NO_ENERGY = -1
 """The lobe loses what bounces between its facets."""
+NO_VIEW = -1
+"""The lobe sends the same towards all directions, but for what its kind tells."""
 
 _LEAST_IOR = 1e-5
 
 
 class LobeTable(NamedTuple):
-    """All lobes of a scene; m materials, l lobes, t energy tables.
+    """All lobes of a scene; m materials, l lobes, t energy tables, v views.
 
     first : (m + 1,) int64
         Row of each material's first lobe; its last is before that of the next material.
-    codes : (l, 7) int32, numbers : (l, 12) float32
+    codes : (l, 8) int32, numbers : (l, 12) float32
         Columns as named above. `UNWEIGHTED` is what turns a colour into one without the lobe's weight.
     scatters : (m,) bool
         The material, or that of its back side, has lobes.
     lets_pass : (m,) bool
         It has transparent ones.
+    matte : (m,) bool
+        It has matte ones, which are all of its diffuse reflection.
     textured : (m,) bool
         Some of the material's own lobes have textures.
     energy, mean_energy : (t, …) float32
         See `microfacets.fill_energy`.
+    views : (v, VIEW_STEPS, 3) float32
+        See `scene.Lobes`.
     """
 
     first: NDArray[np.int64]
@@ -44,9 +50,11 @@ class LobeTable(NamedTuple):
     numbers: Float32
     scatters: NDArray[np.bool_]
     lets_pass: NDArray[np.bool_]
+    matte: NDArray[np.bool_]
     textured: NDArray[np.bool_]
     energy: Float32
     mean_energy: Float32
+    views: Float32
 
     @classmethod
     def of(cls, materials: Materials, back: Int32) -> LobeTable:
@@ -57,14 +65,17 @@ class LobeTable(NamedTuple):
         tables, etas = _energy_tables(lobes, ior)
         energy, mean_energy = _energies(etas)
         has_lobes = np.diff(first) > 0
-        transparent = np.bincount(lobes.material[lobes.kind == TRANSPARENT], minlength=count) > 0
+        transparent, matte = (
+            np.bincount(lobes.material[lobes.kind == kind], minlength=count) > 0 for kind in (TRANSPARENT, MATTE)
+        )
         textures = np.column_stack([lobes.color_texture, lobes.second_texture, lobes.roughness_texture])
         has_texture = (textures != NO_TEXTURE).any(axis=1)
         means = [mean_fresnel_factor(int(shape), float(eta)) for shape, eta in zip(lobes.fresnel, ior, strict=True)]
         weight = np.ones_like(lobes.color) if lobes.weight is None else lobes.weight
+        view, views = _views(lobes)
         return cls(
             first=first,
-            codes=np.column_stack([lobes.kind, lobes.fresnel, textures, tables]).astype(np.int32),
+            codes=np.column_stack([lobes.kind, lobes.fresnel, textures, tables, view]).astype(np.int32),
             numbers=np.column_stack(
                 [
                     *(lobes.color, lobes.second, np.divide(1.0, weight, out=np.zeros_like(weight), where=weight > 0)),
@@ -73,10 +84,22 @@ class LobeTable(NamedTuple):
             ).astype(np.float32),
             scatters=has_lobes | has_lobes[back],
             lets_pass=transparent | transparent[back],
+            matte=matte,
             textured=np.bincount(lobes.material[has_texture], minlength=count) > 0,
             energy=energy,
             mean_energy=mean_energy,
+            views=views,
         )
+
+
+def _views(lobes: Lobes) -> tuple[Int32, Float32]:
+    """Return each lobe's place among the views, (l,), and those that are not all ones."""
+    place = np.full(len(lobes.kind), NO_VIEW, dtype=np.int32)
+    if lobes.view is None:
+        return place, np.zeros((0, VIEW_STEPS, 3), dtype=np.float32)
+    uneven = (lobes.view != 1.0).any(axis=(1, 2))
+    place[uneven] = np.arange(np.count_nonzero(uneven))
+    return place, np.ascontiguousarray(lobes.view[uneven])
 
 
 def _energy_tables(lobes: Lobes, ior: Float32) -> tuple[Int32, tuple[float, ...]]:

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .scene import NO_TEXTURE, TRANSPARENT, Lobes, Materials
+from .principled import COSINES
+from .scene import NO_TEXTURE, TRANSPARENT, VIEW_STEPS, Lobes, Materials
 from .shading import Shading
 
 Float64 = NDArray[np.float64]
@@ -34,7 +35,7 @@ class Quantity:
 
 @dataclass(frozen=True)
 class LobeRow:
-    """A row of `scene.Lobes`; parameters as there."""
+    """A row of `scene.Lobes`; parameters as there, but for `view`, which is that of `shading.Lobe`."""
 
     kind: int
     color: Quantity
@@ -44,6 +45,7 @@ class LobeRow:
     fresnel: int
     multiscatter: bool
     weight: Float64
+    view: Float64 | None = None
 
 
 @dataclass(frozen=True)
@@ -73,6 +75,7 @@ def make_row(name: str, shading: Shading, back: int, quantity: Callable[[Float64
                 lobe.fresnel,
                 lobe.multiscatter,
                 np.broadcast_to(lobe.weight.max(axis=0), 3),  # none of the colours is larger than its weight
+                lobe.view,
             )
             for lobe in shading.lobes
         ),
@@ -166,5 +169,14 @@ def pack_materials(rows: Sequence[MaterialRow]) -> Materials:
             fresnel=np.array([lobe.fresnel for _, lobe in lobes], dtype=np.int32),
             multiscatter=np.array([lobe.multiscatter for _, lobe in lobes], dtype=np.bool_),
             weight=np.array([lobe.weight for _, lobe in lobes], dtype=np.float32).reshape(-1, 3),
+            view=np.array([_tabulated(lobe.view) for _, lobe in lobes], dtype=np.float32).reshape(-1, VIEW_STEPS, 3),
         ),
     )
+
+
+def _tabulated(view: Float64 | None) -> Float64:
+    """Return a view at evenly spaced cosines, (VIEW_STEPS, 3)."""
+    steps = np.linspace(0.0, 1.0, VIEW_STEPS)
+    if view is None:
+        return np.ones((VIEW_STEPS, 3))
+    return np.stack([np.interp(steps, COSINES, np.broadcast_to(view, (len(view), 3))[:, c]) for c in range(3)], axis=1)

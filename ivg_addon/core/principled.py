@@ -6,12 +6,13 @@ seen from a direction v with μ = cos θ_v, the diffuse lobe is
 
     f_d(μ) = (ρ/π) (1 − metallic)(1 − transmission) (1 − R(μ)) C(μ),
 
-R the reflectance of the specular layer and C what the coat lets through. f_d does not depend on
-where light comes from, so of any light the diffuse lobe reflects the share
+R the reflectance of the specular layer and C what the coat lets through: what photons send on has
+these factors of the direction that they leave in. f_d does not depend on where light comes from,
+so of any light the diffuse lobe reflects the share
 
     ∫_hemisphere f_d cos θ_v dv = ρ (1 − metallic)(1 − transmission) ∫₀¹ (1 − R(μ)) C(μ) 2μ dμ.
 
-That integral over 2μ dμ is what photons need. R is the albedo of a GGX layer with Smith's
+R is the albedo of a GGX layer with Smith's
 height-correlated shadowing, compensated for bounces between its facets [K]:
 
     R(μ) = F(μ) (E(μ) + F_ms (1 − E(μ)))      F(μ) = f₀ + (1 − f₀) s(μ)
@@ -80,35 +81,38 @@ class Layers:
 
 def coat_share(layers: Layers) -> Float64:
     """Return the share (3,) of the light from below that leaves through the coat."""
-    return COSINE_WEIGHTS @ _through_coat(layers)
+    return COSINE_WEIGHTS @ through_coat(layers)
 
 
 def diffuse_share(layers: Layers) -> Float64:
     """Return the share (3,) of its colour that the diffuse lobe reflects: the equation above."""
+    return COSINE_WEIGHTS @ through_layers(layers)
+
+
+def through_layers(layers: Layers) -> Float64:
+    """Return what leaves the diffuse lobe through the layers, by the direction of view: (directions, 3)."""
     below = (1.0 - layers.metallic) * (1.0 - layers.transmission)
-    through = _through_coat(layers)
+    through = through_coat(layers)
     if layers.specular:
         f0, eta = normal_reflectance(layers.ior, layers.specular_ior_level)
         # Cycles takes one share from all channels: that of the most reflective one.
         tinted = min(float(f0) * max(layers.specular_tint), 1.0)
         reflected = layer_reflectance(tinted, float(eta), layers.roughness, layers.multiscatter)
         through = through * np.clip(1.0 - reflected, 0.0, 1.0)[:, None]
-    return below * (COSINE_WEIGHTS @ through)
+    return below * through
 
 
-def oren_nayar_albedo(colour: Float64, roughness: float | Float64) -> Float64:
-    """Return the total reflectance of a rough diffuse lobe of that colour, any shape.
+def oren_nayar_share(colour: Float64, roughness: float | Float64) -> Float64:
+    """Return the share of its colour that a rough diffuse lobe reflects in all, any shape.
 
-    Fujii's improved Oren–Nayar model with the multiple scattering of the OpenPBR specification:
+    Of the model of `matte`, with Ē as there:
 
-        ρ (Ē + ρ² Ē (1 − Ē) / (1 − ρ (1 − Ē)))
-
-    with Ē the cosine-weighted mean of its single-scattering reflectance at ρ = 1.
+        Ē + ρ² Ē (1 − Ē) / (1 − ρ (1 − Ē))
     """
     a = 1.0 / (np.pi + roughness * (np.pi / 2 - 2 / 3))
     single = a * np.pi + (2 * np.pi - 5.6) / 3 * roughness * a
     rho = np.clip(colour, 0.0, 1.0)
-    return np.asarray(rho * (single + rho**2 * single * (1.0 - single) / (1.0 - rho * (1.0 - single))))
+    return np.asarray(single + rho**2 * single * (1.0 - single) / (1.0 - rho * (1.0 - single)))
 
 
 def layer_reflectance(f0: float, eta: float, roughness: float, multiscatter: bool) -> Float64:
@@ -162,7 +166,7 @@ def normal_reflectance(ior: ArrayLike, level: ArrayLike) -> tuple[Float64, Float
     return np.where(untouched, f0, adjusted), np.where(untouched, plain, eta)
 
 
-def _through_coat(layers: Layers) -> Float64:
+def through_coat(layers: Layers) -> Float64:
     """Return what the coat lets through, (directions, 3): its reflection, then its tint's absorption."""
     through = np.ones((_DIRECTIONS, 3))
     if layers.coat <= 0.0:
@@ -179,7 +183,18 @@ def _through_coat(layers: Layers) -> Float64:
 
 def mean_reflectance(eta: float) -> float:
     """Return ∫₀¹ F_η 2μ dμ of a dielectric, by quadrature."""
-    return float(COSINE_WEIGHTS @ _fresnel(COSINES, eta))
+    return float(COSINE_WEIGHTS @ dielectric_curve(eta))
+
+
+def dielectric_curve(eta: float) -> Float64:
+    """Return F_η of a smooth dielectric at `COSINES`."""
+    return _fresnel(COSINES, eta)
+
+
+def facing_curve(blend: float) -> Float64:
+    """Return the output Facing of a Layer Weight node at `COSINES`: 1 − μ^e."""
+    blend = min(max(blend, 0.0), 1.0 - 1e-5)
+    return np.asarray(1.0 - COSINES ** (2.0 * blend if blend < 0.5 else 0.5 / (1.0 - blend)))
 
 
 def _fresnel(cosine: Float64, eta: float) -> Float64:

@@ -10,14 +10,16 @@ from numpy.typing import NDArray
 
 from .closures import Caustics, Closure, Float64, Values, usable_index
 from .principled import (
+    COSINE_WEIGHTS,
     Layers,
     coat_share,
     diffuse_share,
     normal_reflectance,
-    oren_nayar_albedo,
     reflectance_of_ior,
+    through_coat,
+    through_layers,
 )
-from .scene import DIELECTRIC, GLASS, GLOSSY, SCHLICK, TRANSPARENT
+from .scene import DIELECTRIC, GLASS, GLOSSY, MATTE, SCHLICK, TRANSPARENT
 from .shading import Lobe, Shading
 
 _COMBINATIONS = 256
@@ -25,7 +27,10 @@ _COMBINATIONS = 256
 
 
 def shade_principled(closure: Closure, values: Values, weight: Float64, caustics: Caustics) -> Shading:
-    """Return what a Principled BSDF amounts to: layers, each of which takes its share of what comes from below it."""
+    """Return what a Principled BSDF amounts to: layers, each of which takes its share of what comes from below it.
+
+    How much that is, is told point by point, how it depends on the direction of view by the means of the inputs.
+    """
     inputs = closure.inputs
     base = np.maximum(values(inputs["Base Color"]), 0.0)
     tint = np.maximum(values(inputs["Specular Tint"]), 0.0)
@@ -36,21 +41,23 @@ def shade_principled(closure: Closure, values: Values, weight: Float64, caustics
     )
     ior, level = (np.nan_to_num(values(inputs[name])) for name in ("IOR", "Specular IOR Level"))
     coat_ior = np.nan_to_num(values(inputs["Coat IOR"]))
-    below, under_coat = _shares(
-        [ior, level, tint.max(axis=1, keepdims=True), roughness, coat, coat_roughness, coat_ior, coat_tint],
+    parameters = [ior, level, tint.max(axis=1, keepdims=True), roughness, coat, coat_roughness, coat_ior, coat_tint]
+    below, under_coat = _shares(parameters, closure.multiscatter, caustics.reflective)
+    means = _layers(
+        np.nan_to_num(np.concatenate([each.mean(axis=0) for each in parameters])),
         closure.multiscatter,
         caustics.reflective,
     )
     opaque = weight * alpha
     inside = opaque * under_coat
     ones = np.ones((1, 3))
-    diffuse = opaque * (1.0 - metallic) * (1.0 - transmission) * below
     emission = inside * values(inputs["Emission Color"]) * values(inputs["Emission Strength"])
-    lobes = [Lobe(TRANSPARENT, weight * (1.0 - alpha) * ones, weight * (1.0 - alpha) * ones, np.zeros((1, 1)))]
+    bare = [Lobe(TRANSPARENT, weight * (1.0 - alpha) * ones, weight * (1.0 - alpha) * ones, np.zeros((1, 1)))]
+    lobes: list[Lobe] = []
     if caustics.reflective:
         dense = max(float(coat_ior.mean()), 1.0)
         over = opaque * coat * ones
-        lobes.append(Lobe(GLOSSY, over * reflectance_of_ior(dense), over, coat_roughness, dense, DIELECTRIC))
+        bare.append(Lobe(GLOSSY, over * reflectance_of_ior(dense), over, coat_roughness, dense, DIELECTRIC))
         metal = inside * metallic
         lobes.append(
             Lobe(GLOSSY, metal * np.minimum(base, 1.0), metal, roughness, 1.5, SCHLICK, closure.multiscatter, metal)
@@ -69,7 +76,17 @@ def shade_principled(closure: Closure, values: Values, weight: Float64, caustics
         through = glass * np.sqrt(np.minimum(base, 1.0)) * caustics.refractive
         over = glass * tint * caustics.reflective
         lobes.append(Lobe(GLASS, over, through, roughness, inner, DIELECTRIC, closure.multiscatter, glass))
-    return Shading(rough_reflectance(base, values.share(inputs["Diffuse Roughness"])) * diffuse, emission, tuple(lobes))
+    diffuse = opaque * (1.0 - metallic) * (1.0 - transmission) * below * base
+    matte = Lobe(MATTE, diffuse, base, values.share(inputs["Diffuse Roughness"]))
+    coated = through_coat(means)
+    bare.append(_seen(matte, through_layers(means)))
+    return Shading(np.zeros((1, 3)), emission, (*bare, *(_seen(lobe, coated) for lobe in lobes)))
+
+
+def _seen(lobe: Lobe, curve: Float64) -> Lobe:
+    """Return a lobe, whose amount is known, with the shape of a function of the direction of view."""
+    mean = COSINE_WEIGHTS @ curve
+    return lobe if (mean <= 0.0).any() else lobe.seen_by(curve / mean)
 
 
 def _thin_glass(
@@ -99,22 +116,26 @@ def _shares(parameters: Sequence[Float64], multiscatter: bool, specular: bool) -
     unique, where = _combinations(np.nan_to_num(table))
     below, through = np.empty((len(unique), 3)), np.empty((len(unique), 3))
     for row, values in enumerate(unique):
-        ior, level, tint, roughness, coat, coat_roughness, coat_ior = (float(value) for value in values[:7])
-        red, green, blue = (float(value) for value in values[7:])
-        layers = Layers(
-            ior=ior,
-            specular_ior_level=level,
-            specular_tint=(tint, tint, tint),
-            roughness=roughness,
-            coat=coat,
-            coat_roughness=coat_roughness,
-            coat_ior=coat_ior,
-            coat_tint=(red, green, blue),
-            multiscatter=multiscatter,
-            specular=specular,
-        )
+        layers = _layers(values, multiscatter, specular)
         below[row], through[row] = diffuse_share(layers), coat_share(layers)
     return below[where], through[where]
+
+
+def _layers(parameters: Float64, multiscatter: bool, specular: bool) -> Layers:
+    """Return layers of the parameters (10,) of `_shares`."""
+    ior, level, tint, roughness, coat, coat_roughness, coat_ior, red, green, blue = (float(x) for x in parameters)
+    return Layers(
+        ior=ior,
+        specular_ior_level=level,
+        specular_tint=(tint, tint, tint),
+        roughness=roughness,
+        coat=coat,
+        coat_roughness=coat_roughness,
+        coat_ior=coat_ior,
+        coat_tint=(red, green, blue),
+        multiscatter=multiscatter,
+        specular=specular,
+    )
 
 
 def _combinations(table: Float64) -> tuple[Float64, NDArray[np.intp]]:
@@ -134,11 +155,3 @@ def _combinations(table: Float64) -> tuple[Float64, NDArray[np.intp]]:
             unique[:, varied] = rounded[first]
             return unique, keys
         steps /= 2.0
-
-
-def rough_reflectance(colour: Float64, roughness: Float64) -> Float64:
-    """Return the total reflectance of a diffuse lobe, (k, 3)."""
-    if (roughness < 1e-5).all():
-        return colour
-    inside = np.clip(colour, 1e-6, 1.0)
-    return np.where(roughness < 1e-5, colour, colour * oren_nayar_albedo(inside, roughness) / inside)

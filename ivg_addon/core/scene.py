@@ -104,19 +104,23 @@ class Lobes:
         REFRACTION   color, all of it refracted
         TRANSLUCENT  color, with a cosine on the other side
         TRANSPARENT  color, straight on
+        MATTE        color, about as a rough diffuse surface of albedo `second` would; see `matte`
+
+    A lobe may look different from direction to direction: it then sends `view` times as much.
 
     Parameters
     ----------
     material : (l,) int32
         Index into `Materials`, never decreasing.
     kind : (l,) int32
-        One of `GLOSSY`, `GLASS`, `REFRACTION`, `TRANSLUCENT`, `TRANSPARENT`.
+        One of `GLOSSY`, `GLASS`, `REFRACTION`, `TRANSLUCENT`, `TRANSPARENT`, `MATTE`. Where a material has matte lobes
+        they are all of its diffuse reflection, and `Materials.albedo` says how much that is.
     color, second : (l, 3) float32
         Linear RGB, the lobe's weight in the material included; see above.
     color_texture, second_texture : (l,) int32
         Textures that multiply them, or `NO_TEXTURE`.
     roughness : (l,) float32
-        Square root of GGX's α, in [0, 1]; 0 is a mirror.
+        Square root of GGX's α, in [0, 1]; 0 is a mirror. Of a matte lobe Oren and Nayar's, 0 is a cosine.
     roughness_texture : (l,) int32
         A texture whose red channel multiplies it, or `NO_TEXTURE`.
     ior : (l,) float32
@@ -129,6 +133,9 @@ class Lobes:
     weight : (l, 3) float32, optional
         The factor in `color` and `second` that is the lobe's weight in the material; ones where this is not given.
         Light that bounces between facets is coloured by the rest, several times.
+    view : (l, VIEW_STEPS, 3) float32, optional
+        Factor of what is sent towards directions at cosines 0 … 1 to the shading normal, linear in between;
+        ∫ view 2μ dμ = 1. Ones where this is not given.
     """
 
     material: Int32 = field(default_factory=lambda: _none(kind=np.int32))
@@ -143,9 +150,11 @@ class Lobes:
     fresnel: Int32 = field(default_factory=lambda: _none(kind=np.int32))
     multiscatter: NDArray[np.bool_] = field(default_factory=lambda: _none(kind=np.bool_))
     weight: Float32 | None = None
+    view: Float32 | None = None
 
 
-GLOSSY, GLASS, REFRACTION, TRANSLUCENT, TRANSPARENT = range(5)
+VIEW_STEPS = 65
+GLOSSY, GLASS, REFRACTION, TRANSLUCENT, TRANSPARENT, MATTE = range(6)
 """Kinds of lobes."""
 NONE, SCHLICK, DIELECTRIC = range(3)
 """Shapes of a glossy lobe's Fresnel factor: constant; (1 − cos θ)⁵; that of a dielectric of the lobe's IOR."""

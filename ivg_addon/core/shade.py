@@ -1,9 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Closures made into lobes.
-
-Weights that depend on the direction (Fresnel) are replaced by what they amount to for light from all sides,
-∫₀¹ F(μ) 2μ dμ, wherever a lobe does not have that very Fresnel factor itself.
-"""
+"""Closures made into lobes."""
 
 from __future__ import annotations
 
@@ -12,9 +8,9 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from .closures import Caustics, Closure, Float64, Values, usable_index
-from .principled import reflectance_of_ior
-from .principled_lobes import rough_reflectance, shade_principled
-from .scene import DIELECTRIC, GLASS, GLOSSY, NONE, REFRACTION, SCHLICK, TRANSLUCENT, TRANSPARENT
+from .principled import COSINE_WEIGHTS
+from .principled_lobes import shade_principled
+from .scene import DIELECTRIC, GLASS, GLOSSY, MATTE, NONE, REFRACTION, SCHLICK, TRANSLUCENT, TRANSPARENT
 from .shading import Lobe, Shading, merged
 
 
@@ -27,18 +23,23 @@ def shade(closures: Iterable[Closure], leaves: Sequence[Float64], caustics: Caus
         Values of the leaves, (k, 3) colours and (k, 1) numbers.
     """
     values = Values(leaves)
-    albedo, emission = np.zeros((1, 3)), np.zeros((1, 3))
-    lobes: list[Lobe] = []
+    emission = np.zeros((1, 3))
+    found: list[Lobe] = []
     for closure in closures:
         part = _shade(closure, values, caustics)
-        albedo = albedo + part.albedo
-        emission = emission + part.emission
-        lobes += part.lobes
-    return Shading(albedo, emission, tuple(merged(lobes)))
+        curve = values.curve(closure.weight)
+        emission = emission + part.emission * (COSINE_WEIGHTS @ curve)
+        found += (lobe.seen_by(curve) for lobe in part.lobes)
+    lobes = tuple(merged(found))
+    matte = [lobe for lobe in lobes if lobe.kind == MATTE]
+    albedo = np.asarray(sum((lobe.albedo() for lobe in matte), np.zeros((1, 3))))
+    if all(lobe.is_cosine() for lobe in matte):
+        lobes = tuple(lobe for lobe in lobes if lobe.kind != MATTE)
+    return Shading(albedo, emission, lobes)
 
 
 def _shade(closure: Closure, values: Values, caustics: Caustics) -> Shading:
-    """Return what one closure amounts to."""
+    """Return what one closure amounts to, but for what its weight has to do with the direction of view."""
     none = np.zeros((1, 3))
 
     def colour(name: str = "Color") -> Float64:
@@ -46,23 +47,15 @@ def _shade(closure: Closure, values: Values, caustics: Caustics) -> Shading:
 
     def lobe(kind: int, color: Float64, second: Float64, fresnel: int = NONE, ior: float = 1.5) -> Shading:
         roughness = values.share(closure.inputs.get("Roughness", (0.0,)))
-        own = weight if layered is None else layered[0]
-        return Shading(none, none, (Lobe(kind, color, second, roughness, ior, fresnel, closure.multiscatter, own),))
+        return Shading(none, none, (Lobe(kind, color, second, roughness, ior, fresnel, closure.multiscatter, weight),))
 
-    layered = _under_fresnel(closure, values)
     weight = values.weight(closure.weight)
     match closure.kind:
         case "DIFFUSE":
-            return Shading(weight * rough_reflectance(colour(), values.share(closure.inputs["Roughness"])), none)
+            return lobe(MATTE, weight * colour(), colour())
         case "EMISSION":
             return Shading(none, weight * colour() * values(closure.inputs["Strength"]))
         case "GLOSSY" if caustics.reflective:
-            if layered is not None:
-                rest, ior = layered
-                tint = rest * colour()
-                if ior < 1.0:  # seen from inside: with total reflection, as glass has it
-                    return lobe(GLASS, tint, 0.0 * tint, DIELECTRIC, 1.0 / ior)
-                return lobe(GLOSSY, reflectance_of_ior(ior) * tint, tint, DIELECTRIC, ior)
             return lobe(GLOSSY, weight * colour(), weight * colour())
         case "METALLIC" if caustics.reflective:
             normal = np.clip(_metal(closure, values), 0.0, 1.0)
@@ -73,9 +66,6 @@ def _shade(closure: Closure, values: Values, caustics: Caustics) -> Shading:
             return lobe(GLASS, tint * caustics.reflective, tint * caustics.refractive, DIELECTRIC, ior)
         case "REFRACTION" if caustics.refractive:
             ior = usable_index(values.mean(closure.inputs["IOR"]))
-            if layered is not None:
-                tint = layered[0] * colour()
-                return lobe(GLASS, 0.0 * tint, tint, DIELECTRIC, ior)
             return lobe(REFRACTION, weight * colour(), weight * colour(), NONE, ior)
         case "TRANSLUCENT":
             return lobe(TRANSLUCENT, weight * colour(), weight * colour())
@@ -84,20 +74,6 @@ def _shade(closure: Closure, values: Values, caustics: Caustics) -> Shading:
         case "PRINCIPLED":
             return shade_principled(closure, values, weight, caustics)
     return Shading(none, none)
-
-
-def _under_fresnel(closure: Closure, values: Values) -> tuple[Float64, float] | None:
-    """Return the weight without its Fresnel factor, and the index of refraction of it, where a lobe can have that one.
-
-    A glossy lobe can be weighted by F, refraction by 1 − F: each by one such factor.
-    """
-    fresnel = [factor for factor in closure.weight if factor.fresnel]
-    if len(fresnel) != 1 or fresnel[0].complement != (closure.kind == "REFRACTION"):
-        return None
-    ior = values.mean(fresnel[0].value)
-    if ior <= 0.0 or ior == 1.0:
-        return None
-    return values.weight(factor for factor in closure.weight if not factor.fresnel), ior
 
 
 def _metal(closure: Closure, values: Values) -> Float64:

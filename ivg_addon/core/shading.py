@@ -9,8 +9,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .principled import facet_means, mean_reflectance
-from .scene import DIELECTRIC, GLASS, GLOSSY, NONE, SCHLICK
+from .principled import COSINE_WEIGHTS, facet_means, mean_reflectance, oren_nayar_share
+from .scene import DIELECTRIC, GLASS, GLOSSY, MATTE, NONE, SCHLICK
 
 Float64 = NDArray[np.float64]
 
@@ -18,13 +18,24 @@ _MEAN_SCHLICK = 1.0 / 21.0
 """∫₀¹ (1 − μ)⁵ 2μ dμ."""
 _BRIGHT = 1.005
 """Reflectance from which on it is said to be too large; below, it is a matter of rounding."""
+SMOOTH = 1e-5
+"""Below this roughness a diffuse lobe is a cosine, in Cycles."""
 _ROUGHNESS = np.linspace(0.0, 1.0, 9)
 """Between these, averages over facets are interpolated."""
 
 
 @dataclass(frozen=True)
 class Lobe:
-    """A row of `scene.Lobes` at k points: color and second (k, 3), roughness (k, 1), weight (k, 1) or (k, 3)."""
+    """A row of `scene.Lobes` at k points.
+
+    Parameters
+    ----------
+    color, second : (k, 3)
+    roughness : (k, 1)
+    weight : (k, 1) or (k, 3)
+    view : (directions, 3)
+        At `principled.COSINES`, the same at all points; None where it is 1.
+    """
 
     kind: int
     color: Float64
@@ -34,6 +45,7 @@ class Lobe:
     fresnel: int = NONE
     multiscatter: bool = False
     weight: Float64 = field(default_factory=lambda: np.ones((1, 1)))
+    view: Float64 | None = None
 
     def albedo(self) -> Float64:
         """Return the share of light from all sides, (k, 3), that it does not absorb."""
@@ -47,11 +59,27 @@ class Lobe:
                 shape, single = _facet_means(self.ior, self.roughness)
                 fresnel = self.color + (self.second - self.color) * shape
                 return fresnel * (single + np.minimum(fresnel, 1.0) * (1.0 - single))
+            case k, _ if k == MATTE:
+                return self.color * oren_nayar_share(self.second, self.roughness)
         return self.color
 
     def scaled(self, factor: Float64) -> Lobe:
         """Return it with what it reflects and lets through multiplied by (k, 3)."""
-        return replace(self, color=self.color * factor, second=self.second * factor, weight=self.weight * factor)
+        second = self.second if self.kind == MATTE else self.second * factor
+        return replace(self, color=self.color * factor, second=second, weight=self.weight * factor)
+
+    def seen_by(self, curve: Float64) -> Lobe:
+        """Return it multiplied by a function of the direction of view, (directions, 1) or (directions, 3)."""
+        if (curve == curve[0]).all():
+            return self.scaled(curve[:1])
+        product = curve * (np.ones((1, 3)) if self.view is None else self.view)
+        mean = COSINE_WEIGHTS @ product
+        view = np.divide(product, mean, out=np.ones_like(product), where=mean > 0.0)
+        return replace(self.scaled(mean[None]), view=view)
+
+    def is_cosine(self) -> bool:
+        """Tell whether it is a diffuse lobe that is nothing but a cosine."""
+        return self.kind == MATTE and self.view is None and bool((self.roughness < SMOOTH).all())
 
 
 @dataclass(frozen=True)
@@ -60,7 +88,9 @@ class Shading:
 
     Parameters
     ----------
-    albedo, emission : (k, 3) float64
+    albedo : (k, 3) float64
+        All diffuse reflection, that of matte lobes included.
+    emission : (k, 3) float64
     lobes
         Those with any weight.
     """
@@ -71,7 +101,7 @@ class Shading:
 
     def total(self) -> Float64:
         """Return the share of light from all sides that is not absorbed, (k, 3)."""
-        return np.asarray(sum((lobe.albedo() for lobe in self.lobes), self.albedo))
+        return np.asarray(sum((lobe.albedo() for lobe in self.lobes if lobe.kind != MATTE), self.albedo))
 
     def sound(self) -> tuple[Shading, frozenset[str]]:
         """Return it within what is possible, and what was not: "NaN", "negative", "bright".
@@ -121,15 +151,18 @@ def merged(lobes: Iterable[Lobe]) -> Iterator[Lobe]:
     """Add up lobes that differ in color only, and leave out those without weight."""
     groups: dict[tuple[object, ...], Lobe] = {}
     for lobe in lobes:
-        if np.max(np.maximum(lobe.color, lobe.second), initial=0.0) <= 0.0:
+        reflects = lobe.color if lobe.kind == MATTE else np.maximum(lobe.color, lobe.second)
+        if np.max(reflects, initial=0.0) <= 0.0:
             continue
-        key = (lobe.kind, lobe.ior, lobe.fresnel, lobe.multiscatter, lobe.roughness.tobytes())
+        view = None if lobe.view is None else lobe.view.tobytes()
+        own = lobe.second.tobytes() if lobe.kind == MATTE and (lobe.roughness >= SMOOTH).any() else None
+        key = (lobe.kind, lobe.ior, lobe.fresnel, lobe.multiscatter, lobe.roughness.tobytes(), view, own)
         if key in groups:
             other = groups[key]
             lobe = replace(
                 other,
                 color=other.color + lobe.color,
-                second=other.second + lobe.second,
+                second=lobe.second if lobe.kind == MATTE else other.second + lobe.second,
                 weight=other.weight + lobe.weight,
             )
         groups[key] = lobe

@@ -5,9 +5,11 @@ from __future__ import annotations
 
 import bpy
 import numpy as np
+import pytest
 
-from ivg_addon.core.principled import Layers, diffuse_share, oren_nayar_albedo
-from ivg_addon.core.scene import DIELECTRIC, GLASS, GLOSSY, NONE, SCHLICK, TRANSPARENT
+from ivg_addon.core.principled import Layers, diffuse_share, oren_nayar_share
+from ivg_addon.core.scene import DIELECTRIC, GLASS, GLOSSY, MATTE, NONE, SCHLICK, TRANSPARENT
+from tests.blender.evaluation_scenes import node_output
 from tests.blender.export_scenes import (
     add_object,
     bake_diffuse_colour,
@@ -65,10 +67,23 @@ def test_diffuse() -> None:
     expect(diffuse(RED), RED)
 
 
-def test_rough_diffuse_keeps_its_total_reflectance() -> None:
-    rough = surface(shader("BsdfDiffuse", Color=RED, Roughness=0.6))
-    message = "without the shape of rough diffuse reflection (a cosine of the same amount)"
-    expect(rough, oren_nayar_albedo(np.array(RED), 0.6), notices=[f"simplified: {message}"])
+def test_rough_diffuse_is_a_lobe_of_its_own() -> None:
+    scene = export(surface(shader("BsdfDiffuse", Color=RED, Roughness=0.6)))
+    np.testing.assert_allclose(values(scene)[0], RED * oren_nayar_share(np.array(RED), 0.6), rtol=1e-6)
+    lobes = scene.materials.lobes
+    assert (lobes.kind.tolist(), lobes.roughness.tolist()) == ([MATTE], [pytest.approx(0.6)])
+    np.testing.assert_allclose(lobes.color, [RED], rtol=1e-6)
+    np.testing.assert_allclose(lobes.second, [RED], rtol=1e-6)
+    assert not said(scene)
+
+
+def test_what_shines_by_fresnel_is_said_to_shine_evenly() -> None:
+    shining, matt = shader("Emission"), shader("BsdfDiffuse", Roughness=0.0)
+    scene = export(surface(pair("MixShader", shining, matt, node_output("LayerWeight", "Facing"))))
+    message = "without the directions in which it shines by Fresnel or Layer Weight (their mean taken)"
+    assert said(scene) == [f"simplified: {message}"]
+    np.testing.assert_allclose(values(scene)[1], 2 / 3, rtol=1e-6)  # ∫ (1 − (1 − μ)) 2μ dμ
+    assert scene.materials.lobes.kind.tolist() == [MATTE]
 
 
 def test_emission() -> None:
@@ -103,7 +118,7 @@ def test_principled_reflects_what_its_layers_leave() -> None:
     assert 0.9 * 2 * 0.9 * BLUE[2] < emission[2] < 0.9 * 2 * BLUE[2], "the coat takes some of it"
     assert said(scene) == ["simplified: without the directions of light through a coat (its mean taken)"]
     kinds = set(zip(scene.materials.lobes.kind.tolist(), scene.materials.lobes.fresnel.tolist(), strict=True))
-    assert kinds == {(TRANSPARENT, NONE), (GLOSSY, DIELECTRIC), (GLOSSY, SCHLICK), (GLASS, DIELECTRIC)}
+    assert kinds == {(TRANSPARENT, NONE), (GLOSSY, DIELECTRIC), (MATTE, NONE), (GLOSSY, SCHLICK), (GLASS, DIELECTRIC)}
 
 
 def test_default_principled_has_a_diffuse_and_a_glossy_lobe() -> None:
@@ -111,12 +126,12 @@ def test_default_principled_has_a_diffuse_and_a_glossy_lobe() -> None:
     np.testing.assert_allclose(values(scene)[0], 0.46938, atol=5e-5)
     assert said(scene) == []
     lobes = scene.materials.lobes
-    assert lobes.kind.tolist() == [GLOSSY]
-    assert lobes.fresnel.tolist() == [DIELECTRIC]
-    np.testing.assert_allclose(lobes.color, [[0.04] * 3], rtol=1e-6)
-    np.testing.assert_allclose(lobes.second, 1.0)
-    np.testing.assert_allclose(lobes.roughness, 0.5)
-    np.testing.assert_allclose(lobes.ior, 1.5)
+    assert lobes.kind.tolist() == [MATTE, GLOSSY]
+    assert lobes.fresnel.tolist() == [NONE, DIELECTRIC]
+    np.testing.assert_allclose(lobes.color[1], [0.04] * 3, rtol=1e-6)
+    np.testing.assert_allclose(lobes.second[1], 1.0)
+    np.testing.assert_allclose(lobes.roughness[1], 0.5)
+    np.testing.assert_allclose(lobes.ior[1], 1.5)
 
 
 def test_without_reflective_caustics_the_diffuse_lobe_is_whole() -> None:

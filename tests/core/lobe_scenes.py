@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ivg_addon.core.lobe_scattering import scatter_at_lobes
 from ivg_addon.core.scattering import ENERGY_STEPS, scatter
-from ivg_addon.core.scene import NO_TEXTURE, NONE, Lobes, Scene
+from ivg_addon.core.scene import NO_TEXTURE, NONE, VIEW_STEPS, Lobes, Scene
 from ivg_addon.core.surface_bins import SurfaceBins
 from ivg_addon.core.surfaces import Surfaces
 
@@ -32,8 +32,9 @@ def lobe(
     weight: ArrayLike = 1.0,
     color_texture: int = NO_TEXTURE,
     roughness_texture: int = NO_TEXTURE,
+    view: ArrayLike = 1.0,
 ) -> Lobes:
-    """Return one lobe."""
+    """Return one lobe; `view` broadcasts to (VIEW_STEPS, 3)."""
 
     def row(value: ArrayLike, dtype: type = np.float32) -> NDArray[np.generic]:
         return np.array([value], dtype=dtype)
@@ -54,6 +55,7 @@ def lobe(
         fresnel=row(fresnel, np.int32),
         multiscatter=row(multiscatter, np.bool_),
         weight=colour(weight),
+        view=np.broadcast_to(np.asarray(view, dtype=np.float32), (1, VIEW_STEPS, 3)).copy(),
     )
 
 

@@ -7,8 +7,17 @@ import numpy as np
 import pytest
 
 from ivg_addon.core.closures import Caustics, Closure, Factor, Leaf, Value
-from ivg_addon.core.principled import Layers, coat_share, diffuse_share, oren_nayar_albedo
-from ivg_addon.core.scene import DIELECTRIC, GLASS, GLOSSY, REFRACTION, SCHLICK, TRANSLUCENT, TRANSPARENT
+from ivg_addon.core.principled import (
+    COSINE_WEIGHTS,
+    COSINES,
+    Layers,
+    coat_share,
+    diffuse_share,
+    mean_reflectance,
+    oren_nayar_share,
+    through_layers,
+)
+from ivg_addon.core.scene import DIELECTRIC, GLASS, GLOSSY, MATTE, NONE, REFRACTION, SCHLICK, TRANSLUCENT, TRANSPARENT
 from ivg_addon.core.shade import shade
 
 RED = (0.8, 0.1, 0.05)
@@ -53,7 +62,7 @@ def test_leaves_are_taken_point_by_point() -> None:
     rng = np.random.default_rng(0)
     colour, mask, roughness = rng.random((100, 3)), rng.random((100, 1)), rng.random((100, 1))
     shading = shade([diffuse(Leaf(0), Factor(Leaf(1)), roughness=Leaf(2))], [colour, mask, roughness], PLAIN)
-    each = [oren_nayar_albedo(colour[i], float(roughness[i, 0])) * mask[i] for i in range(100)]
+    each = [oren_nayar_share(colour[i], float(roughness[i, 0])) * colour[i] * mask[i] for i in range(100)]
     np.testing.assert_allclose(shading.albedo, each, rtol=1e-6)
 
 
@@ -108,6 +117,7 @@ def test_lobes_of_a_principled() -> None:
     assert [(lobe.kind, lobe.fresnel) for lobe in lobes] == [
         (TRANSPARENT, 0),
         (GLOSSY, DIELECTRIC),
+        (MATTE, NONE),
         (GLOSSY, SCHLICK),
         (GLOSSY, DIELECTRIC),
         (GLASS, DIELECTRIC),
@@ -115,11 +125,40 @@ def test_lobes_of_a_principled() -> None:
     under = 0.8 * coat_share(Layers(coat=0.5))
     np.testing.assert_allclose(lobes[0].color, 0.2)
     np.testing.assert_allclose(lobes[1].color, 0.8 * 0.5 * 0.04)
-    np.testing.assert_allclose(lobes[2].color, [under * 0.25 * RED])
-    np.testing.assert_allclose(lobes[2].second, [under * 0.25])
-    np.testing.assert_allclose(lobes[3].color, [under * 0.75 * 0.5 * 0.04])
-    np.testing.assert_allclose(lobes[4].color, [under * 0.75 * 0.5])
-    np.testing.assert_allclose(lobes[4].second, [under * 0.75 * 0.5 * np.sqrt(RED)])
+    np.testing.assert_allclose(lobes[3].color, [under * 0.25 * RED])
+    np.testing.assert_allclose(lobes[3].second, [under * 0.25])
+    np.testing.assert_allclose(lobes[4].color, [under * 0.75 * 0.5 * 0.04])
+    np.testing.assert_allclose(lobes[5].color, [under * 0.75 * 0.5])
+    np.testing.assert_allclose(lobes[5].second, [under * 0.75 * 0.5 * np.sqrt(RED)])
+
+
+def test_layers_take_their_share_by_the_direction_of_view() -> None:
+    """What all directions get is what the lobe is said to reflect; how it is spread is the layers' transmittance."""
+    layers = Layers(coat=1.0, coat_tint=(0.9, 0.6, 0.5), roughness=0.3)
+    closure = principled(Coat_Weight=(1.0,), Coat_Tint=layers.coat_tint, Roughness=(0.3,))
+    shading = shade([closure], [], PLAIN)
+    (matte,) = (lobe for lobe in shading.lobes if lobe.kind == MATTE)
+    assert matte.view is not None
+    np.testing.assert_allclose(matte.color * matte.view, RED * through_layers(layers), rtol=1e-9)
+    np.testing.assert_allclose(COSINE_WEIGHTS @ matte.view, 1.0, rtol=1e-9)
+    # Of what is reflected above the coat nothing is taken.
+    views = [lobe.view is None for lobe in shading.lobes]
+    assert views == [True, False, False]
+
+
+def test_a_mix_by_fresnel_is_one_of_directions() -> None:
+    fresnel, facing = Factor((1.5,), shape="FRESNEL"), Factor((0.25,), complement=True, shape="FACING")
+    shading = shade([diffuse(RED, fresnel), diffuse(RED, Factor((1.5,), True, "FRESNEL"))], [], PLAIN)
+    np.testing.assert_allclose(shading.albedo, [RED])
+    assert [lobe.kind for lobe in shading.lobes] == [MATTE, MATTE]
+    np.testing.assert_allclose(sum(lobe.color * lobe.view for lobe in shading.lobes), np.tile(RED, (32, 1)))
+    np.testing.assert_allclose(shading.lobes[0].color, [np.multiply(mean_reflectance(1.5), RED)])
+    (glossy,) = shade([Closure("GLOSSY", {"Color": RED, "Roughness": (0.2,)}, (facing, facing))], [], PLAIN).lobes
+    # (1 − (1 − √μ))² = μ, whose mean is ⅔.
+    np.testing.assert_allclose(glossy.color, [np.multiply(2 / 3, RED)])
+    np.testing.assert_allclose(glossy.view, np.tile(1.5 * COSINES[:, None], 3))
+    shining = Closure("EMISSION", {"Color": RED, "Strength": (3.0,)}, (facing, facing))
+    np.testing.assert_allclose(shade([shining], [], PLAIN).emission, [np.multiply(2.0, RED)])
 
 
 def test_without_caustics_there_are_no_glossy_lobes() -> None:

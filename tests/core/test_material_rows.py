@@ -16,7 +16,7 @@ from ivg_addon.core.material_rows import (
     make_row,
     pack_materials,
 )
-from ivg_addon.core.scene import GLOSSY, NO_TEXTURE, TRANSPARENT
+from ivg_addon.core.scene import GLOSSY, MATTE, NO_TEXTURE, TRANSPARENT, VIEW_STEPS
 from ivg_addon.core.shade import shade
 from tests.core.test_closures import RED, diffuse, principled
 
@@ -40,7 +40,8 @@ def test_an_image_stays_an_image() -> None:
     shading = shade([principled(Base_Color=Leaf(0), Metallic=(0.5,))], [PROBES], PLAIN)
     row = make_row("Row", shading, 0, as_image(4))
     assert row.albedo.texture == 4
-    metal, plain = row.lobes
+    matte, metal, plain = row.lobes
+    assert matte.color.texture == 4
     assert (metal.color.texture, metal.second.texture, plain.color.texture) == (4, NO_TEXTURE, NO_TEXTURE)
     np.testing.assert_allclose(metal.color.colour, 0.5)
     np.testing.assert_allclose(row.albedo.colour, shading.albedo[1])
@@ -72,9 +73,9 @@ def test_packing() -> None:
     assert materials.names == ("0", "1", "2")
     assert materials.albedo.dtype == materials.emission.dtype == materials.lobes.color.dtype == np.float32
     np.testing.assert_allclose(materials.emission, [[0, 0, 0], [0, 0, 0], np.multiply(2, RED)], rtol=1e-6)
-    assert materials.lobes.material.tolist() == [1, 1, 1]
-    assert materials.lobes.kind.tolist() == [TRANSPARENT, GLOSSY, GLOSSY]
-    assert all(len(array) == 3 for array in vars(materials.lobes).values() if array is not None)
+    assert materials.lobes.material.tolist() == [1, 1, 1, 1]
+    assert materials.lobes.kind.tolist() == [TRANSPARENT, MATTE, GLOSSY, GLOSSY]
+    assert all(len(array) == 4 for array in vars(materials.lobes).values() if array is not None)
     empty = pack_materials([])
     assert empty.albedo.shape == (0, 3)
     assert empty.lobes.color.shape == (0, 3)
@@ -95,6 +96,18 @@ def test_a_lobes_weight_is_what_is_not_its_own_colour() -> None:
     row = make_row("Row", shade([metal, principled(Metallic=(0.3,))], [mask], PLAIN), 0, as_constant)
     lobes = pack_materials([row]).lobes
     assert lobes.weight is not None
-    np.testing.assert_allclose(lobes.weight, [[0.3] * 3, [0.3] * 3, [0.7] * 3], rtol=1e-6)
-    assert (lobes.color <= lobes.weight).all()
-    assert (lobes.second <= lobes.weight * (1 + 1e-6)).all()
+    glossy = lobes.kind == GLOSSY
+    np.testing.assert_allclose(lobes.weight[glossy], [[0.3] * 3, [0.3] * 3, [0.7] * 3], rtol=1e-6)
+    assert (lobes.color <= lobes.weight)[glossy].all()
+    assert (lobes.second <= lobes.weight * (1 + 1e-6))[glossy].all()
+
+
+def test_views_are_tabulated_at_even_steps() -> None:
+    facing = Factor((0.5,), True, "FACING")
+    closures = [Closure("GLOSSY", {"Color": RED, "Roughness": (0.5,)}, weight) for weight in ((), (facing,))]
+    lobes = pack_materials([make_row("Row", shade(closures, [], PLAIN), 0, as_constant)]).lobes
+    assert lobes.view is not None
+    np.testing.assert_array_equal(lobes.view[0], 1.0)
+    # The factor is μ, its mean ⅔; the outermost values are those of the outermost directions.
+    steps = 1.5 * np.linspace(0, 1, VIEW_STEPS)
+    np.testing.assert_allclose(lobes.view[1], np.tile(steps[:, None], 3), atol=2.1e-3)

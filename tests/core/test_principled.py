@@ -15,7 +15,7 @@ from ivg_addon.core.principled import (
     coat_share,
     diffuse_share,
     layer_reflectance,
-    oren_nayar_albedo,
+    oren_nayar_share,
 )
 
 unit = st.floats(0, 1)
@@ -94,5 +94,6 @@ def test_nothing_lies_over_it_where_there_is_nothing() -> None:
     [(0.0, (1.0, 0.5, 0.2)), (0.3, (0.99998, 0.47747, 0.18856)), (1.0, (0.99995, 0.43538, 0.16771))],
 )
 def test_rough_diffuse_reflects_what_cycles_does(roughness: float, measured: tuple[float, ...]) -> None:
-    got = oren_nayar_albedo(np.array([1.0, 0.5, 0.2]), roughness)
+    colour = np.array([1.0, 0.5, 0.2])
+    got = colour * oren_nayar_share(colour, roughness)
     np.testing.assert_allclose(got, measured, atol=1e-4)
