@@ -128,6 +128,26 @@ def _shadowless() -> None:
     lamp("POINT", TESTED, (-0.5, 0.3, 2.7), energy=40.0, use_shadow=False)
 
 
+def _linear() -> Maker:
+    return emission((1.0, 0.8, 0.6), node("LightFalloff", "Linear", Smooth=0.5))
+
+
+def _linear_behind_panes() -> None:
+    """Let an area lamp that falls off linearly shine through panes of which some light is left."""
+    floor(plain("Floor"))
+    walls()
+    pane = material("Pane", node("BsdfTransparent", Color=(0.9, 0.9, 0.6)))
+    for height in (1.9, 2.2):
+        add_object(f"Pane {height}", card_mesh(1.0, pane), location=(0.0, 0.0, height))
+    set_light_nodes(lamp("AREA", TESTED, energy=30.0).data, _linear())
+
+
+def _linear_linked() -> None:
+    """Let a lamp that falls off linearly shine through a card that casts no shadow in its light."""
+    _shaded_by_blockers()
+    set_light_nodes(bpy.data.objects[TESTED].data, _linear())
+
+
 def _instanced_lamps() -> None:
     floor(plain("Floor"))
     walls()
@@ -169,6 +189,9 @@ CASES = (
         "light: falloff node, constant, smooth",
         _lamp_nodes("POINT", lambda: emission((1, 1, 1), node("LightFalloff", "Constant", Strength=0.5, Smooth=1.0))),
     ),
+    Case("light: falloff node, linear, area behind panes", _linear_behind_panes),
+    Case("light: falloff node, linked", _linear_linked),
+    Case("light: ray length", _lamp_nodes("POINT", lambda: emission((1, 1, 1), node("LightPath", "Ray Length")))),
     Case("light: constant nodes", _lamp_nodes("AREA", lambda: emission((1.0, 0.6, 0.3), 2.0), energy=30.0)),
     Case(
         "light: nodes over the area (UV)",

@@ -142,6 +142,8 @@ def _export(
         notes.add("left out", nowhere)
         return None
     _note_differences(light, matrix, notes)
+    if node_light is not None and "falloff" in row:
+        row |= {"falloff": node_light.falloff, "smooth": node_light.smooth}
     if node_light is not None and node_light.pattern is not None and kind is PointLights:
         if abs(node_light.half_angle - half_angle(light.data, matrix)) > _SHEARED:
             notes.add("simplified", "its cone is as wide as that of its first instance")
@@ -186,6 +188,8 @@ def _area(light: bpy.types.AreaLight, matrix: Float64, strength: Float64) -> tup
         "half_spread": 0.5 * light.spread,
         "radiance": strength / (math.pi * (area or 1.0) if light.normalize else math.pi),
         "pattern": NO_PATTERN,
+        "falloff": 0,
+        "smooth": 0.0,
     }
 
 
@@ -204,6 +208,8 @@ def _point(light: bpy.types.Light, matrix: Float64, strength: Float64) -> tuple[
         "blend": light.spot_blend if spot else 0.0,
         "axes": matrix[:3, :3] if spot else np.eye(3),
         "pattern": NO_PATTERN,
+        "falloff": 0,
+        "smooth": 0.0,
     }
 
 

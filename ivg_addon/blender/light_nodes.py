@@ -7,8 +7,8 @@ A copy of the light shines alone on a scene of small quads, and what they receiv
     area          quads before each place of it, one metre away, lit by a spread of zero: straight on
     sun           one quad
 
-What a pattern cannot hold is said: a light that looks different from different directions, or that falls off
-otherwise than with the square of the distance, is taken as it is from one metre away.
+A Light Falloff node that is the strength of all that shines is read. What else a pattern cannot hold is said: a light
+that looks different from different directions, or falls off otherwise, is taken as it is from one metre away.
 """
 
 from __future__ import annotations
@@ -36,6 +36,7 @@ from .export_images import ImageTable
 from .ground_truth import bake_irradiance
 from .jobs import PatientSteps, Steps
 from .light_content import light_key, nodes_in
+from .light_falloff import knows_distance, read_falloff
 
 Float64 = NDArray[np.float64]
 
@@ -50,7 +51,6 @@ _KEPT = 64
 _IN_WORLD_SPACE = {"OBJECT_INFO", "CAMERA", "ATTRIBUTE", "VECT_TRANSFORM"}
 _OF_THE_SHAPE = {"Parametric", "Backfacing", "Pointiness", "Random Per Island"}
 _BY_DIRECTION = {"LAYER_WEIGHT", "FRESNEL"}
-_BY_DISTANCE = {"Linear", "Constant"}
 
 _known: OrderedDict[str, NDArray[np.float32]] = OrderedDict()
 """Patterns that were measured in this session, by content."""
@@ -70,12 +70,16 @@ class NodeLight:
         The angle that the pattern reaches out to; of no meaning without one, or for an area light.
     notices
         What the pattern cannot hold.
+    falloff, smooth
+        k and s of `core.falloff`.
     """
 
     colour: Float64
     pattern: Pattern | None
     half_angle: float
     notices: tuple[Notice, ...]
+    falloff: int = 0
+    smooth: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -280,8 +284,9 @@ def _colour_or_pattern(
 def _node_light(name: str, light: bpy.types.Light, colour: Float64, pattern: Pattern | None, angle: float) -> NodeLight:
     """Say what the pattern cannot hold."""
     notes = Notes(f"light '{name}'")
-    _note_limits(light, notes)
-    return NodeLight(colour, pattern, angle, notes.notices)
+    read = None if light.type == "SUN" else read_falloff(light.node_tree)
+    _note_limits(light, read is not None, notes)
+    return NodeLight(colour, pattern, angle, notes.notices, *(read or (0, 0.0)))
 
 
 def _attenuation(light: bpy.types.SpotLight, matrix: Float64) -> Float64:
@@ -293,22 +298,14 @@ def _attenuation(light: bpy.types.SpotLight, matrix: Float64) -> Float64:
     return np.asarray(t * t * (3.0 - 2.0 * t))
 
 
-def _note_limits(light: bpy.types.Light, notes: Notes) -> None:
+def _note_limits(light: bpy.types.Light, falloff_read: bool, notes: Notes) -> None:
     """Say what a pattern cannot hold of a light's nodes."""
     for node in nodes_in(light.node_tree):
         linked = {output.name for output in node.outputs if output.is_linked}
-        if light.type != "SUN" and _knows_distance(node, linked):
+        if light.type != "SUN" and not falloff_read and knows_distance(node, linked):
             notes.add("simplified", "falls off with the square of the distance, from what its nodes give at 1 m")
         if light.type == "AREA" and (node.type in _BY_DIRECTION or "Incoming" in linked):
             notes.add("simplified", "from all sides as bright as its nodes make it straight on")
     places = any(node.type.startswith("TEX_") or node.type == "NEW_GEOMETRY" for node in nodes_in(light.node_tree))
     if light.type == "SUN" and light.angle > 0.0 and places:
         notes.add("simplified", "all of its disc as bright as its nodes make the middle")
-
-
-def _knows_distance(node: bpy.types.Node, linked: set[str]) -> bool:
-    """Tell whether a node's linked outputs depend on the distance otherwise than light does by itself."""
-    if node.type == "LIGHT_FALLOFF":
-        smooth = node.inputs["Smooth"]
-        return bool(linked & _BY_DISTANCE or (linked and (smooth.is_linked or smooth.default_value > 0.0)))
-    return node.type == "LIGHT_PATH" and "Ray Length" in linked

@@ -69,6 +69,8 @@ class AreaLights:
         parallel beam.
     radiance : (n, 3) float32
         W/(m² sr), what the light has at full spread. A smaller spread gathers the same power.
+    falloff : (n,) int32, smooth : (n,) float32, optional
+        k and s of `falloff`; 0 is the square of the distance. The light's strength is that at 1 m.
     pattern : (n,) int32, optional
         Index into `Lights.patterns`, or `NO_PATTERN`; none has one where this is not given.
     """
@@ -82,6 +84,8 @@ class AreaLights:
     half_spread: Float32 = field(default_factory=lambda: _rows(0))
     radiance: Float32 = field(default_factory=lambda: _rows(0, 3))
     pattern: Int32 | None = None
+    falloff: Int32 | None = None
+    smooth: Float32 | None = None
 
 
 @dataclass(frozen=True)
@@ -106,6 +110,8 @@ class PointLights:
     axes : (n, 3, 3) float32
         Columns are the light's own x, y and z axes in world space, with their lengths; the cone
         opens along −z. Unequal lengths make the cone elliptic.
+    falloff : (n,) int32, smooth : (n,) float32, optional
+        k and s of `falloff`; 0 is the square of the distance. The light's strength is that at 1 m.
     pattern : (n,) int32, optional
         Index into `Lights.patterns`, or `NO_PATTERN`; none has one where this is not given. A pattern holds the
         cone's fading too: `blend` is then 0, and `axes` are orthonormal. That of a sphere without a cone belongs to
@@ -121,6 +127,8 @@ class PointLights:
     blend: Float32 = field(default_factory=lambda: _rows(0))
     axes: Float32 = field(default_factory=lambda: _rows(0, 3, 3))
     pattern: Int32 | None = None
+    falloff: Int32 | None = None
+    smooth: Float32 | None = None
 
 
 @dataclass(frozen=True)

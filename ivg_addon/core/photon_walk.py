@@ -112,6 +112,8 @@ class Worker:
         self.dark = np.empty(BATCH, dtype=np.float32)
         # By the last bits of a photon's index: no two photons of a batch share a place.
         self.standard = np.ones(1 << (BATCH - 1).bit_length(), dtype=np.float32)
+        falls = course.emission.falloff is not None
+        self.starts = np.empty((len(self.standard) if falls else 0, 4), dtype=np.float32)
         self.bounces = np.empty(BATCH, dtype=np.int16)
         self.waiting = np.empty((BATCH, 2), dtype=np.int32)
 
@@ -129,6 +131,9 @@ class Worker:
         if self.course.emission.is_aimed:
             standards = self.course.emission.standards(self.settings.seed, first, size)
             self.standard[self.photons[:size] & (len(self.standard) - 1)] = standards
+        if len(self.starts):
+            own = self.photons[:size] & (len(self.starts) - 1)
+            self.starts[own, :3], self.starts[own, 3] = self.origins[:size], 1.0
         self.bounces[:size] = 0
         alive = size
         for flight in range(self.most_flights):
@@ -174,6 +179,9 @@ class Worker:
             leave_darkness(
                 origins, directions, dark, hits.triangle, hits.distance, surfaces.material, surfaces.lobes.lets_pass
             )
+        if may_be_direct and len(self.starts):
+            grown = self._fall_off(flight, hits)
+            factor = grown if factor is None else factor * grown
         if settings.include_direct or not may_be_direct:
             self.deposit(origins, directions, weights, hits.distance)
         elif flight > 0:
@@ -187,6 +195,23 @@ class Worker:
         if late:
             alive = scatter_at_lobes(*photons, *scene, *sums, alive, late)
         return int(alive)
+
+    def _fall_off(self, flight: int, hits: Hits) -> Float32:
+        """See `Falloff.apply`."""
+        course, settings, n = self.course, self.settings, len(hits.triangle)
+        assert course.emission.falloff is not None
+        return course.emission.falloff.apply(
+            course.emission.emitters,
+            settings.seed,
+            flight,
+            self.photons[:n],
+            self.bounces[:n],
+            self.starts,
+            (self.origins[:n], self.directions[:n], self.weights[:n]),
+            hits,
+            (course.surfaces.vertices, course.surfaces.triangles),
+            (np.asarray(settings.bounds_min, dtype=np.float64), np.asarray(settings.bounds_max, dtype=np.float64)),
+        )
 
     def deposit(self, origins: Float32, directions: Float32, weights: Float32, lengths: Float32) -> None:
         """Add flights that count to the sums; see `Tally.deposit`."""

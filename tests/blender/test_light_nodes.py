@@ -176,8 +176,7 @@ def test_the_file_is_left_as_it_was() -> None:
 @pytest.mark.parametrize(
     ("kind", "node", "output", "message"),
     [
-        ("POINT", "ShaderNodeLightFalloff", "Linear", "falls off with the square of the distance"),
-        ("POINT", "ShaderNodeLightFalloff", "Constant", "falls off with the square of the distance"),
+        ("POINT", "ShaderNodeLightPath", "Ray Length", "falls off with the square of the distance"),
         ("AREA", "ShaderNodeLayerWeight", "Facing", "from all sides as bright as its nodes make it straight on"),
         ("SUN", "ShaderNodeTexNoise", "Fac", "all of its disc as bright as its nodes make the middle"),
     ],
@@ -189,6 +188,29 @@ def test_what_a_pattern_cannot_hold_is_named(kind: str, node: str, output: str, 
     assert made.outputs[output].is_linked
     texts = [str(notice) for notice in measured().notices]
     assert any(text.startswith(f"simplified: light 'Key': {message}") for text in texts)
+
+
+@pytest.mark.parametrize(("output", "power"), [("Quadratic", 0), ("Linear", 1), ("Constant", 2)])
+@pytest.mark.parametrize("kind", ["POINT", "AREA"])
+def test_falloff_is_read(kind: str, output: str, power: int) -> None:
+    node = lamp(kind, "ShaderNodeLightFalloff", output)
+    node.inputs["Strength"].default_value, node.inputs["Smooth"].default_value = 3.0, 0.5
+    light = measured()
+    assert (light.falloff, light.smooth, light.notices) == (power, 0.5, ())
+    np.testing.assert_allclose(light.colour, 3.0 / 1.5, rtol=1e-5)
+    lights, _ = exported()
+    one = lights.point if kind == "POINT" else lights.area
+    assert (one.falloff.tolist(), one.smooth.tolist()) == ([power], [0.5])
+
+
+def test_falloff_that_is_not_all_of_the_strength_is_named() -> None:
+    node = lamp("POINT", "ShaderNodeLightFalloff", "Linear")
+    tree = node.id_data
+    emission = node.outputs["Linear"].links[0].to_node
+    tree.links.new(node.outputs["Linear"], emission.inputs["Color"])
+    light = measured()
+    assert (light.falloff, light.smooth) == (0, 0.0)
+    assert "falls off with the square of the distance" in str(light.notices[0])
 
 
 def test_plain_falloff_needs_no_word() -> None:

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import SceneError
+from ..falloff import Falloff
 from ..lights import Lights
 from ..scene import Float32, Scene
 from .area import AreaEmitters, area_powers
@@ -68,6 +69,8 @@ class Emission:
         s of each emitter, W, without a guide.
     is_aimed
         Whether there is a guide.
+    falloff
+        Of lights that fall off otherwise than with the square of the distance; None where there are none.
     """
 
     power: Float64
@@ -75,6 +78,7 @@ class Emission:
     emitters: Emitters
     strengths: Float64
     is_aimed: bool = False
+    falloff: Falloff | None = None
 
     @property
     def flies_dark(self) -> bool:
@@ -186,6 +190,11 @@ def prepare_emission(scene: Scene, bounds_min: ArrayLike, bounds_max: ArrayLike)
     ]
     colors = np.concatenate([*powers, world[None]])
     apply_patterns(lights, powers, sampled)
+    falloff = Falloff.of(lights, box)
+    if falloff is not None:
+        ends = [len(sampled[0])]
+        for some, most in zip(sampled, np.split(falloff.most, ends), strict=False):
+            some *= most[:, None]
     in_maps = map_powers(maps, box)
     _check_powers(lights, np.concatenate(powers), [world, *in_maps])
     mesh_strengths, mesh_power = triangle_strengths(triangles)
@@ -217,6 +226,7 @@ def prepare_emission(scene: Scene, bounds_min: ArrayLike, bounds_max: ArrayLike)
             patterns=PatternEmitters.of(lights),
         ),
         strengths=strengths,
+        falloff=falloff,
     )
 
 
