@@ -28,6 +28,9 @@ _PRINCIPLED = {
     "Coat Roughness": False,
     "Coat IOR": False,
     "Coat Tint": True,
+    "Sheen Weight": False,
+    "Sheen Roughness": False,
+    "Sheen Tint": True,
     "Emission Color": True,
     "Emission Strength": False,
 }
@@ -190,6 +193,11 @@ class _SurfaceReader:
     def _translucent(self, output: Output, weight: tuple[Factor, ...]) -> tuple[Closure, ...]:
         return (Closure("TRANSLUCENT", self._inputs(output, ("Color",)), weight),)
 
+    def _sheen(self, output: Output, weight: tuple[Factor, ...]) -> tuple[Closure, ...]:
+        if output.node.distribution != "MICROFIBER":
+            self._omitted["its Ashikhmin distribution (microfibers taken)"] = None
+        return (Closure("SHEEN", self._inputs(output, ("Color",), ("Roughness",)), weight),)
+
     def _transparent(self, output: Output, weight: tuple[Factor, ...]) -> tuple[Closure, ...]:
         return (Closure("TRANSPARENT", self._inputs(output, ("Color",)), weight),)
 
@@ -199,21 +207,18 @@ class _SurfaceReader:
     def _principled(self, output: Output, weight: tuple[Factor, ...]) -> tuple[Closure, ...]:
         read = {True: self._sockets.colour, False: self._sockets.number}
         inputs = {name: read[colour](output.input(name)) for name, colour in _PRINCIPLED.items()}
-        for name, words in (
-            ("Subsurface Weight", "subsurface scattering (taken as diffuse)"),
-            ("Sheen Weight", "sheen"),
-        ):
-            end, linked = follow(output.input(name))
-            if linked is not None or end.socket.default_value > 0.0:
-                self._omitted[words] = None
+        end, linked = follow(output.input("Subsurface Weight"))
+        if linked is not None or end.socket.default_value > 0.0:
+            self._omitted["subsurface scattering (taken as diffuse)"] = None
         if "Thin Wall" in output.node.inputs:  # from Blender 5.2 on
             inputs["Thin Wall"] = self._sockets.number(output.input("Thin Wall"))
             if inputs["Thin Wall"] != (0.0,) and inputs["Transmission Weight"] != (0.0,):
                 self._omitted["blur in thin walls (taken as clear panes)"] = None
         if inputs["Emission Strength"] != (0.0,):
             self._note_directed(weight)
-            if inputs["Coat Weight"] != (0.0,):
-                self._omitted["the directions of light through a coat (its mean taken)"] = None
+            for layer in ("coat", "sheen"):
+                if inputs[f"{layer.title()} Weight"] != (0.0,):
+                    self._omitted[f"the directions of light through a {layer} (its mean taken)"] = None
         if inputs["Metallic"] != (0.0,) or inputs["Transmission Weight"] != (0.0,):
             self._note_normal(output)
         self._note_facets(output)
@@ -257,5 +262,6 @@ _READERS: dict[str, Callable[[_SurfaceReader, Output, tuple[Factor, ...]], tuple
     "BSDF_REFRACTION": _SurfaceReader._refraction,
     "BSDF_TRANSLUCENT": _SurfaceReader._translucent,
     "BSDF_TRANSPARENT": _SurfaceReader._transparent,
+    "BSDF_SHEEN": _SurfaceReader._sheen,
     "HOLDOUT": _SurfaceReader._holdout,
 }

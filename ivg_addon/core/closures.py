@@ -56,8 +56,8 @@ class Closure:
     Parameters
     ----------
     kind
-        "DIFFUSE", "EMISSION", "GLOSSY", "METALLIC", "GLASS", "REFRACTION", "TRANSLUCENT", "TRANSPARENT" or
-        "PRINCIPLED".
+        "DIFFUSE", "EMISSION", "GLOSSY", "METALLIC", "GLASS", "REFRACTION", "TRANSLUCENT", "TRANSPARENT",
+        "SHEEN" or "PRINCIPLED".
     inputs
         By the names that the code below asks for.
     weight

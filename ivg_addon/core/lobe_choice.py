@@ -28,7 +28,7 @@ from .lobes import (
 )
 from .matte import view_factor
 from .microfacets import dielectric_reflectance, fresnel_factor
-from .scene import GLASS, GLOSSY, MATTE, NO_TEXTURE, NONE, REFRACTION, TRANSLUCENT, TRANSPARENT
+from .scene import GLASS, GLOSSY, MATTE, NO_TEXTURE, NONE, REFRACTION, SHEEN, TRANSLUCENT, TRANSPARENT
 from .textures import sample_texture
 
 DIFFUSE = -1
@@ -78,8 +78,9 @@ def _share(numbers, codes, views, lobe, part, front, cosine, w0, w1, w2):
     nothing but transparency counts.
     """
     kind = codes[lobe, KIND]
-    reflects = part & _REFLECTS != 0 and (kind == GLOSSY or kind == GLASS or kind == MATTE)
-    transmits = part & _TRANSMITS != 0 and kind != GLOSSY and kind != MATTE
+    diffuse = kind == MATTE or kind == SHEEN
+    reflects = part & _REFLECTS != 0 and (kind == GLOSSY or kind == GLASS or diffuse)
+    transmits = part & _TRANSMITS != 0 and kind != GLOSSY and not diffuse
     share = 0.0
     if (reflects or transmits) and (cosine > 0.0 or kind == TRANSPARENT):
         red, green, blue = lobe_color(numbers, lobe, COLOR)
@@ -98,7 +99,7 @@ def _share(numbers, codes, views, lobe, part, front, cosine, w0, w1, w2):
                 kept = kept if reflects else 0.0
                 sent = sent if transmits else 0.0
             red, green, blue = red * kept + a * sent, green * kept + b * sent, blue * kept + c * sent
-        if codes[lobe, VIEW] != NO_VIEW and kind != MATTE and kind != TRANSLUCENT:
+        if codes[lobe, VIEW] != NO_VIEW and not diffuse and kind != TRANSLUCENT:
             # What is smooth is seen from about the angle that light comes from.
             a, b, c = view_factor(views, codes[lobe, VIEW], cosine)
             red, green, blue = (

@@ -12,7 +12,7 @@ For facets (`microfacets`; p(o) is the density of o as the image of i) this is
     reflection   w' = w R G₂/G₁ (|i·s| |o·g|) / (|i·g| |o·s|)
     refraction   w' = w T G₂/G₁ (|i·s| |o·g|) / (|i·g| |o·s|) (n_i/n_o)²
 
-with n the index of refraction on either side, and for diffuse lobes (`matte`; p(o) = |o·g| / π)
+with n the index of refraction on either side, and for diffuse lobes (`matte`, `sheen`; p(o) = |o·g| / π)
 
     w' = w π f(o, i) |i·s| / |i·g|.
 
@@ -40,7 +40,8 @@ from .matte import SMOOTH, rough_diffuse, view_factor
 from .microfacets import CLEAR, MIRROR_ALPHA, energy_factor, refracted_cosine, shadowing, visible_normal
 from .random import STREAM_SCATTER, random4
 from .scattering import ABSORBED, CUT, ESCAPED, add_energy, store
-from .scene import MATTE, NO_TEXTURE, TRANSLUCENT, TRANSPARENT
+from .scene import MATTE, NO_TEXTURE, SHEEN, TRANSLUCENT, TRANSPARENT
+from .sheen import sheen_shape
 from .surface_bins import BACK, FRONT, patch_of
 from .surfaces import corner, shading_normal, texture_coordinates
 from .tally import WEIGHT_LIMIT
@@ -177,8 +178,8 @@ def scatter_at_lobes(
         transmitted = kind == TRANSLUCENT or kind == TRANSPARENT
         ox, oy, oz = -ix, -iy, -iz
         cos_os = abs(cos_is)
-        diffuse = kind == DIFFUSE or kind == MATTE or kind == TRANSLUCENT
-        if transmitted or kind == MATTE:
+        diffuse = kind == DIFFUSE or kind == MATTE or kind == SHEEN or kind == TRANSLUCENT
+        if transmitted or kind == MATTE or kind == SHEEN:
             f0, f1, f2 = lobe_color(numbers, chosen, COLOR)
         if diffuse:
             sign = -1.0 if transmitted else 1.0
@@ -187,8 +188,10 @@ def scatter_at_lobes(
                 scale *= cos_is / cos_ig
             cos_os = sign * (ox * sx + oy * sy + oz * sz)
             roughness = 0.0 if kind == DIFFUSE else float(numbers[chosen, ROUGHNESS])
+            cosine = ix * ox + iy * oy + iz * oz
+            if kind == SHEEN:
+                scale *= sheen_shape(cos_is, cos_os, cosine, roughness)
             if kind == MATTE and roughness >= SMOOTH:
-                cosine = ix * ox + iy * oy + iz * oz
                 m0, m1, m2 = lobe_color(numbers, chosen, SECOND)
                 f0 *= rough_diffuse(cos_is, cos_os, cosine, roughness, m0)
                 f1 *= rough_diffuse(cos_is, cos_os, cosine, roughness, m1)

@@ -6,7 +6,7 @@ seen from a direction v with μ = cos θ_v, the diffuse lobe is
 
     f_d(μ) = (ρ/π) (1 − metallic)(1 − transmission) (1 − R(μ)) C(μ),
 
-R the reflectance of the specular layer and C what the coat lets through: what photons send on has
+R the reflectance of the specular layer and C what coat and sheen let through: what photons send on has
 these factors of the direction that they leave in. f_d does not depend on where light comes from,
 so of any light the diffuse lobe reflects the share
 
@@ -37,6 +37,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .sheen import sheen_reflectance
+
 Float64 = NDArray[np.float64]
 Colour = tuple[float, float, float]
 
@@ -58,6 +60,8 @@ class Layers:
 
     Parameters
     ----------
+    sheen
+        The socket's weight times the largest channel of its tint.
     multiscatter
         The distribution is "Multiscatter GGX", not "GGX".
     specular
@@ -75,12 +79,14 @@ class Layers:
     coat_roughness: float = 0.03
     coat_ior: float = 1.5
     coat_tint: Colour = (1.0, 1.0, 1.0)
+    sheen: float = 0.0
+    sheen_roughness: float = 0.5
     multiscatter: bool = True
     specular: bool = True
 
 
 def coat_share(layers: Layers) -> Float64:
-    """Return the share (3,) of the light from below that leaves through the coat."""
+    """Return the share (3,) of the light from below that leaves through coat and sheen."""
     return COSINE_WEIGHTS @ through_coat(layers)
 
 
@@ -167,8 +173,8 @@ def normal_reflectance(ior: ArrayLike, level: ArrayLike) -> tuple[Float64, Float
 
 
 def through_coat(layers: Layers) -> Float64:
-    """Return what the coat lets through, (directions, 3): its reflection, then its tint's absorption."""
-    through = np.ones((_DIRECTIONS, 3))
+    """Return what coat and sheen let through, (directions, 3): the coat's reflection, then its tint's absorption."""
+    through = np.tile(through_sheen(layers), 3)
     if layers.coat <= 0.0:
         return through
     ior = max(layers.coat_ior, 1.0)
@@ -179,6 +185,14 @@ def through_coat(layers: Layers) -> Float64:
     inside = np.sqrt(1.0 - (1.0 - COSINES**2) / ior**2)
     tint = np.maximum(layers.coat_tint, 0.0)[None, :] ** (1.0 / inside)[:, None]
     return through * (1.0 + layers.coat * (tint - 1.0))
+
+
+def through_sheen(layers: Layers) -> Float64:
+    """Return what the sheen lets through, (directions, 1)."""
+    if layers.sheen <= 0.0:
+        return np.ones((_DIRECTIONS, 1))
+    reflected = layers.sheen * sheen_reflectance(COSINES, layers.sheen_roughness)
+    return np.clip(1.0 - reflected, 0.0, 1.0)[:, None]
 
 
 def mean_reflectance(eta: float) -> float:

@@ -18,9 +18,10 @@ from .principled import (
     reflectance_of_ior,
     through_coat,
     through_layers,
+    through_sheen,
 )
 from .scene import DIELECTRIC, GLASS, GLOSSY, MATTE, SCHLICK, TRANSPARENT
-from .shading import Lobe, Shading
+from .shading import Lobe, Shading, sheen_lobe
 
 _COMBINATIONS = 256
 """Most combinations of layers for which shares are computed; values are rounded until there are no more."""
@@ -35,14 +36,20 @@ def shade_principled(closure: Closure, values: Values, weight: Float64, caustics
     base = np.maximum(values(inputs["Base Color"]), 0.0)
     tint = np.maximum(values(inputs["Specular Tint"]), 0.0)
     coat_tint = np.maximum(values(inputs["Coat Tint"]), 0.0)
-    alpha, coat, metallic, transmission, roughness, coat_roughness = (
+    alpha, coat, metallic, transmission, roughness, coat_roughness, sheen_roughness = (
         values.share(inputs[name])
-        for name in ("Alpha", "Coat Weight", "Metallic", "Transmission Weight", "Roughness", "Coat Roughness")
+        for name in (
+            *("Alpha", "Coat Weight", "Metallic", "Transmission Weight"),
+            *("Roughness", "Coat Roughness", "Sheen Roughness"),
+        )
     )
+    sheen = np.nan_to_num(np.maximum(values(inputs["Sheen Weight"]) * values(inputs["Sheen Tint"]), 0.0))
+    fuzz = sheen.max(axis=1, keepdims=True)
     ior, level = (np.nan_to_num(values(inputs[name])) for name in ("IOR", "Specular IOR Level"))
     coat_ior = np.nan_to_num(values(inputs["Coat IOR"]))
-    parameters = [ior, level, tint.max(axis=1, keepdims=True), roughness, coat, coat_roughness, coat_ior, coat_tint]
-    below, under_coat = _shares(parameters, closure.multiscatter, caustics.reflective)
+    facets = [ior, level, tint.max(axis=1, keepdims=True), roughness]
+    parameters = [*facets, coat, coat_roughness, coat_ior, coat_tint, fuzz, sheen_roughness]
+    below, under_coat, under_sheen = _shares(parameters, closure.multiscatter, caustics.reflective)
     means = _layers(
         np.nan_to_num(np.concatenate([each.mean(axis=0) for each in parameters])),
         closure.multiscatter,
@@ -53,11 +60,13 @@ def shade_principled(closure: Closure, values: Values, weight: Float64, caustics
     ones = np.ones((1, 3))
     emission = inside * values(inputs["Emission Color"]) * values(inputs["Emission Strength"])
     bare = [Lobe(TRANSPARENT, weight * (1.0 - alpha) * ones, weight * (1.0 - alpha) * ones, np.zeros((1, 1)))]
+    bare.append(sheen_lobe(opaque * sheen, sheen_roughness))
     lobes: list[Lobe] = []
     if caustics.reflective:
         dense = max(float(coat_ior.mean()), 1.0)
-        over = opaque * coat * ones
-        bare.append(Lobe(GLOSSY, over * reflectance_of_ior(dense), over, coat_roughness, dense, DIELECTRIC))
+        over = opaque * coat * under_sheen
+        varnish = Lobe(GLOSSY, over * reflectance_of_ior(dense), over, coat_roughness, dense, DIELECTRIC)
+        bare.append(_seen(varnish, through_sheen(means)))
         metal = inside * metallic
         lobes.append(
             Lobe(GLOSSY, metal * np.minimum(base, 1.0), metal, roughness, 1.5, SCHLICK, closure.multiscatter, metal)
@@ -105,25 +114,27 @@ def _thin_glass(
     return tuple(lobes)
 
 
-def _shares(parameters: Sequence[Float64], multiscatter: bool, specular: bool) -> tuple[Float64, Float64]:
-    """Return the shares (k, 3) that the layers leave to the diffuse lobe, and that the coat leaves.
+def _shares(parameters: Sequence[Float64], multiscatter: bool, specular: bool) -> tuple[Float64, Float64, Float64]:
+    """Return the shares (k, 3) that the layers leave to the diffuse lobe, and those that coat and sheen leave.
 
     `parameters` are IOR, specular level, the largest channel of the specular tint, roughness, the coat's weight,
-    roughness, IOR, and tint. They are rounded to steps at which there are few combinations.
+    roughness, IOR, and tint, and the sheen's strength and roughness. They are rounded to steps at which there are few
+    combinations.
     """
     k = max(len(array) for array in parameters)
     table = np.concatenate([np.broadcast_to(array, (k, array.shape[1])) for array in parameters], axis=1)
     unique, where = _combinations(np.nan_to_num(table))
-    below, through = np.empty((len(unique), 3)), np.empty((len(unique), 3))
+    below, through, fuzz = (np.empty((len(unique), 3)) for _ in range(3))
     for row, values in enumerate(unique):
         layers = _layers(values, multiscatter, specular)
         below[row], through[row] = diffuse_share(layers), coat_share(layers)
-    return below[where], through[where]
+        fuzz[row] = COSINE_WEIGHTS @ through_sheen(layers)
+    return below[where], through[where], fuzz[where]
 
 
 def _layers(parameters: Float64, multiscatter: bool, specular: bool) -> Layers:
-    """Return layers of the parameters (10,) of `_shares`."""
-    ior, level, tint, roughness, coat, coat_roughness, coat_ior, red, green, blue = (float(x) for x in parameters)
+    """Return layers of the parameters (12,) of `_shares`."""
+    ior, level, tint, roughness, coat, coat_roughness, coat_ior, red, green, blue, sheen, fuzz = map(float, parameters)
     return Layers(
         ior=ior,
         specular_ior_level=level,
@@ -133,6 +144,8 @@ def _layers(parameters: Float64, multiscatter: bool, specular: bool) -> Layers:
         coat_roughness=coat_roughness,
         coat_ior=coat_ior,
         coat_tint=(red, green, blue),
+        sheen=sheen,
+        sheen_roughness=fuzz,
         multiscatter=multiscatter,
         specular=specular,
     )

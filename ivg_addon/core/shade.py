@@ -11,7 +11,7 @@ from .closures import Caustics, Closure, Float64, Values, usable_index
 from .principled import COSINE_WEIGHTS
 from .principled_lobes import shade_principled
 from .scene import DIELECTRIC, GLASS, GLOSSY, MATTE, NONE, REFRACTION, SCHLICK, TRANSLUCENT, TRANSPARENT
-from .shading import Lobe, Shading, merged
+from .shading import Lobe, Shading, merged, sheen_lobe
 
 
 def shade(closures: Iterable[Closure], leaves: Sequence[Float64], caustics: Caustics) -> Shading:
@@ -67,6 +67,8 @@ def _shade(closure: Closure, values: Values, caustics: Caustics) -> Shading:
         case "REFRACTION" if caustics.refractive:
             ior = usable_index(values.mean(closure.inputs["IOR"]))
             return lobe(REFRACTION, weight * colour(), weight * colour(), NONE, ior)
+        case "SHEEN":
+            return Shading(none, none, (sheen_lobe(weight * colour(), values.share(closure.inputs["Roughness"])),))
         case "TRANSLUCENT":
             return lobe(TRANSLUCENT, weight * colour(), weight * colour())
         case "TRANSPARENT":

@@ -9,8 +9,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .principled import COSINE_WEIGHTS, facet_means, mean_reflectance, oren_nayar_share
-from .scene import DIELECTRIC, GLASS, GLOSSY, MATTE, NONE, SCHLICK
+from .principled import COSINE_WEIGHTS, COSINES, facet_means, mean_reflectance, oren_nayar_share
+from .scene import DIELECTRIC, GLASS, GLOSSY, MATTE, NONE, SCHLICK, SHEEN
+from .sheen import sheen_reflectance
 
 Float64 = NDArray[np.float64]
 
@@ -22,6 +23,8 @@ SMOOTH = 1e-5
 """Below this roughness a diffuse lobe is a cosine, in Cycles."""
 _ROUGHNESS = np.linspace(0.0, 1.0, 9)
 """Between these, averages over facets are interpolated."""
+_SHEEN_STEPS = 65
+"""Between so many roughnesses, what sheen reflects of even light is interpolated."""
 
 
 @dataclass(frozen=True)
@@ -138,6 +141,16 @@ class Shading:
                 cleaned.albedo * limit, cleaned.emission, tuple(lobe.scaled(limit) for lobe in cleaned.lobes)
             )
         return cleaned, frozenset(wrong)
+
+
+def sheen_lobe(color: Float64, roughness: Float64) -> Lobe:
+    """Return a sheen lobe; how it depends on the direction of view is told by the mean roughness."""
+    steps = np.linspace(0.0, 1.0, _SHEEN_STEPS)
+    amount = np.interp(roughness, steps, [COSINE_WEIGHTS @ sheen_reflectance(COSINES, step) for step in steps])
+    even = Lobe(SHEEN, amount * color * np.ones((1, 3)), np.zeros((1, 3)), roughness)
+    curve = sheen_reflectance(COSINES, float(roughness.mean()))[:, None]
+    mean = COSINE_WEIGHTS @ curve
+    return even.seen_by(curve / mean) if mean > 0.0 else even
 
 
 def _facet_means(ior: float, roughness: Float64) -> tuple[Float64, Float64]:

@@ -40,6 +40,9 @@ def principled(**values: Value) -> Closure:
         "Coat Roughness": (0.03,),
         "Coat IOR": (1.5,),
         "Coat Tint": (1.0, 1.0, 1.0),
+        "Sheen Weight": (0.0,),
+        "Sheen Roughness": (0.5,),
+        "Sheen Tint": (1.0, 1.0, 1.0),
         "Emission Color": (1.0, 1.0, 1.0),
         "Emission Strength": (0.0,),
     }
