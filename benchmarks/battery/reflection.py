@@ -22,6 +22,12 @@ def _glossy(roughness: float) -> Maker:
     return node("BsdfAnisotropic", Color=(0.9, 0.8, 0.6), Roughness=roughness, settings={"distribution": "GGX"})
 
 
+def _conductor(roughness: float) -> Maker:
+    """Return a metal of a dark red, its reflectance far from Schlick's in green."""
+    index = {"IOR": (2.9, 1.2, 0.3), "Extinction": (3.1, 0.9, 2.4)}
+    return node("BsdfMetallic", settings={"fresnel_type": "PHYSICAL_CONDUCTOR"}, Roughness=roughness, **index)
+
+
 def _ggx() -> Maker:
     return node("BsdfPrincipled", settings={"distribution": "GGX"}, Base_Color=_CLOTH, Metallic=0.6, Roughness=0.7)
 
@@ -133,6 +139,15 @@ CASES = (
     Case("surface: Glossy, rough 0.2", with_floor_and_card(_glossy(0.2))),
     Case("surface: Glossy, rough 0.8", with_floor_and_card(_glossy(0.8))),
     Case("surface: Metallic BSDF", with_floor_and_card(node("BsdfMetallic", Roughness=0.3))),
+    Case(
+        "surface: Metallic BSDF, tinted edge",
+        with_floor_and_card(node("BsdfMetallic", Roughness=0.8, Base_Color=(0.8, 0.7, 0.5), Edge_Tint=(0.0, 0.2, 0.9))),
+    ),
+    Case("surface: Metallic BSDF, by its index", with_floor_and_card(_conductor(0.8))),
+    Case(
+        "surface: Principled, metal of tinted edge",
+        with_floor_and_card(_principled(Metallic=1.0, Roughness=0.7, Specular_Tint=(0.0, 0.3, 1.0))),
+    ),
     Case("surface: Sheen BSDF", with_floor_and_card(node("BsdfSheen", Color=_CLOTH, Roughness=0.5))),
     Case("surface: Toon", with_floor(node("BsdfToon", Color=_CLOTH, Size=0.5, Smooth=0.2))),
     Case("surface: Subsurface Scattering", with_ball(node("SubsurfaceScattering", Color=_CLOTH, Scale=0.05))),

@@ -176,7 +176,8 @@ class _SurfaceReader:
         self._turned(output)
         numbers = self._inputs(output, (), ("Roughness",))
         if output.node.fresnel_type == "F82":
-            inputs = {"Color": self._sockets.colour(output.input("Base Color")), **numbers}
+            colours = self._inputs(output, ("Base Color", "Edge Tint"))
+            inputs = {"Color": colours["Base Color"], "Edge Tint": colours["Edge Tint"], **numbers}
         else:
             inputs = {**numbers, **self._inputs(output, ("IOR", "Extinction"))}
         return (Closure("METALLIC", inputs, weight, output.node.distribution == "MULTI_GGX"),)

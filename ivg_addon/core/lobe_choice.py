@@ -14,6 +14,7 @@ from .compiled import inlined, merged
 from .lobes import (
     COLOR,
     COLOR_TEXTURE,
+    EDGE,
     FRESNEL,
     IOR,
     KIND,
@@ -27,8 +28,8 @@ from .lobes import (
     VIEW,
 )
 from .matte import view_factor
-from .microfacets import dielectric_reflectance, fresnel_factor
-from .scene import GLASS, GLOSSY, MATTE, NO_TEXTURE, NONE, REFRACTION, SHEEN, TRANSLUCENT, TRANSPARENT
+from .microfacets import MEAN_EDGE, dielectric_reflectance, edge_factor, fresnel_factor
+from .scene import GLASS, GLOSSY, MATTE, NO_TEXTURE, NONE, REFRACTION, SCHLICK, SHEEN, TRANSLUCENT, TRANSPARENT
 from .textures import sample_texture
 
 DIFFUSE = -1
@@ -173,6 +174,13 @@ def facet_fate(numbers, codes, lobe, part, cosine, eta, xi, w0, w1, w2):
         m0, m1, m2 = red + (a - red) * mean, green + (b - green) * mean, blue + (c - blue) * mean
         factor = fresnel_factor(codes[lobe, FRESNEL], cosine, float(numbers[lobe, IOR]))
         red, green, blue = red + (a - red) * factor, green + (b - green) * factor, blue + (c - blue) * factor
+        if codes[lobe, FRESNEL] == SCHLICK:
+            e0, e1, e2 = lobe_color(numbers, lobe, EDGE)
+            m0, m1, m2 = m0 - a * e0 * MEAN_EDGE, m1 - b * e1 * MEAN_EDGE, m2 - c * e2 * MEAN_EDGE
+            behind = edge_factor(cosine)
+            red = min(max(red - a * e0 * behind, 0.0), a)
+            green = min(max(green - b * e1 * behind, 0.0), b)
+            blue = min(max(blue - c * e2 * behind, 0.0), c)
     elif kind == GLASS:
         factor = dielectric_reflectance(cosine, eta)
         red, green, blue = red * factor, green * factor, blue * factor

@@ -14,8 +14,8 @@ from .scene import GLASS, GLOSSY, MATTE, NO_TEXTURE, TRANSPARENT, VIEW_STEPS, Fl
 
 KIND, FRESNEL, COLOR_TEXTURE, SECOND_TEXTURE, ROUGHNESS_TEXTURE, FRONT_ENERGY, BACK_ENERGY, VIEW = range(8)
 """Columns of `LobeTable.codes`; energy tables are those of the lobe as seen from each side."""
-COLOR, SECOND, UNWEIGHTED, ROUGHNESS, IOR, MEAN_FRESNEL = 0, 3, 6, 9, 10, 11
-"""Columns of `LobeTable.numbers`; the first three are colours."""
+COLOR, SECOND, UNWEIGHTED, ROUGHNESS, IOR, MEAN_FRESNEL, EDGE = 0, 3, 6, 9, 10, 11, 12
+"""Columns of `LobeTable.numbers`; the first three and the last are colours."""
 NO_ENERGY = -1
 """The lobe loses what bounces between its facets."""
 NO_VIEW = -1
@@ -29,7 +29,7 @@ class LobeTable(NamedTuple):
 
     first : (m + 1,) int64
         Row of each material's first lobe; its last is before that of the next material.
-    codes : (l, 8) int32, numbers : (l, 12) float32
+    codes : (l, 8) int32, numbers : (l, 15) float32
         Columns as named above. `UNWEIGHTED` is what turns a colour into one without the lobe's weight.
     scatters : (m,) bool
         The material, or that of its back side, has lobes.
@@ -72,6 +72,7 @@ class LobeTable(NamedTuple):
         has_texture = (textures != NO_TEXTURE).any(axis=1)
         means = [mean_fresnel_factor(int(shape), float(eta)) for shape, eta in zip(lobes.fresnel, ior, strict=True)]
         weight = np.ones_like(lobes.color) if lobes.weight is None else lobes.weight
+        edge = np.zeros_like(lobes.color) if lobes.edge is None else lobes.edge
         view, views = _views(lobes)
         return cls(
             first=first,
@@ -79,7 +80,7 @@ class LobeTable(NamedTuple):
             numbers=np.column_stack(
                 [
                     *(lobes.color, lobes.second, np.divide(1.0, weight, out=np.zeros_like(weight), where=weight > 0)),
-                    *(np.clip(lobes.roughness, 0.0, 1.0), ior, np.array(means, dtype=np.float32)),
+                    *(np.clip(lobes.roughness, 0.0, 1.0), ior, np.array(means, dtype=np.float32), edge),
                 ]
             ).astype(np.float32),
             scatters=has_lobes | has_lobes[back],

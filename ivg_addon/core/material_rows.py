@@ -46,6 +46,7 @@ class LobeRow:
     multiscatter: bool
     weight: Float64
     view: Float64 | None = None
+    edge: Float64 | None = None
 
 
 @dataclass(frozen=True)
@@ -76,6 +77,7 @@ def make_row(name: str, shading: Shading, back: int, quantity: Callable[[Float64
                 lobe.multiscatter,
                 np.broadcast_to(lobe.weight.max(axis=0), 3),  # none of the colours is larger than its weight
                 lobe.view,
+                lobe.edge,
             )
             for lobe in shading.lobes
         ),
@@ -169,6 +171,9 @@ def pack_materials(rows: Sequence[MaterialRow]) -> Materials:
             fresnel=np.array([lobe.fresnel for _, lobe in lobes], dtype=np.int32),
             multiscatter=np.array([lobe.multiscatter for _, lobe in lobes], dtype=np.bool_),
             weight=np.array([lobe.weight for _, lobe in lobes], dtype=np.float32).reshape(-1, 3),
+            edge=np.array(
+                [np.zeros(3) if lobe.edge is None else lobe.edge for _, lobe in lobes], dtype=np.float32
+            ).reshape(-1, 3),
             view=np.array([_tabulated(lobe.view) for _, lobe in lobes], dtype=np.float32).reshape(-1, VIEW_STEPS, 3),
         ),
     )

@@ -19,6 +19,7 @@ the surface is seen, with Fss the lobe's mean colour and Ē = ∫ E 2μ dμ (Kul
 Walter, Marschner, Li & Torrance, "Microfacet Models for Refraction through Rough Surfaces", EGSR 2007.
 Heitz, "Understanding the Masking-Shadowing Function in Microfacet-Based BRDFs", JCGT 3(2), 2014.
 Dupuy & Benyoub, "Sampling Visible GGX Normals with Spherical Caps", HPG 2023.
+Kutz, Hašan & Edmondson, "Novel Aspects of the Adobe Standard Material", Adobe, 2021.
 Kulla & Conty, "Revisiting Physically Based Shading at Imageworks", SIGGRAPH courses, 2017.
 """
 
@@ -107,6 +108,17 @@ def fresnel_factor(fresnel, cosine, ior):
             return 0.0
         return min(max((dielectric_reflectance(cosine, ior) - normal) / (1.0 - normal), 0.0), 1.0)
     return 0.0
+
+
+MEAN_EDGE = 1.0 / 126.0
+"""∫₀¹ μ (1 − μ)⁶ 2μ dμ."""
+
+
+@inlined
+def edge_factor(cosine):
+    """Return μ (1 − μ)⁶, by which metals differ from Schlick's curve (Kutz, Hašan & Edmondson 2021)."""
+    m = max(1.0 - cosine, 0.0)
+    return cosine * m * m * m * m * m * m
 
 
 @inlined

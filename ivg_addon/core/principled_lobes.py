@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .closures import Caustics, Closure, Float64, Values, usable_index
+from .metals import tinted_edge
 from .principled import (
     COSINE_WEIGHTS,
     Layers,
@@ -69,7 +70,17 @@ def shade_principled(closure: Closure, values: Values, weight: Float64, caustics
         bare.append(_seen(varnish, through_sheen(means)))
         metal = inside * metallic
         lobes.append(
-            Lobe(GLOSSY, metal * np.minimum(base, 1.0), metal, roughness, 1.5, SCHLICK, closure.multiscatter, metal)
+            Lobe(
+                GLOSSY,
+                metal * np.minimum(base, 1.0),
+                metal,
+                roughness,
+                1.5,
+                SCHLICK,
+                closure.multiscatter,
+                metal,
+                edge=tinted_edge(base, tint),
+            )
         )
         plain = inside * (1.0 - metallic) * (1.0 - transmission)
         f0, _ = normal_reflectance(ior, level)

@@ -99,7 +99,7 @@ class Lobes:
     What a lobe reflects or lets through is, with f its Fresnel factor at a microfacet, 0 at normal and 1 at grazing
     incidence:
 
-        GLOSSY       color + (second − color) f        (NONE: color)
+        GLOSSY       color + (second − color) f − edge second μ (1 − μ)⁶        (NONE: color; edge with SCHLICK only)
         GLASS        F color reflected, (1 − F) second refracted, F the dielectric reflectance of `ior`
         REFRACTION   color, all of it refracted
         TRANSLUCENT  color, with a cosine on the other side
@@ -137,6 +137,9 @@ class Lobes:
     view : (l, VIEW_STEPS, 3) float32, optional
         Factor of what is sent towards directions at cosines 0 … 1 to the shading normal, linear in between;
         ∫ view 2μ dμ = 1. Ones where this is not given.
+    edge : (l, 3) float32, optional
+        How far a metal's curve stays behind Schlick's before grazing incidence, or is ahead of it where negative;
+        zeros where this is not given.
     """
 
     material: Int32 = field(default_factory=lambda: _none(kind=np.int32))
@@ -152,6 +155,7 @@ class Lobes:
     multiscatter: NDArray[np.bool_] = field(default_factory=lambda: _none(kind=np.bool_))
     weight: Float32 | None = None
     view: Float32 | None = None
+    edge: Float32 | None = None
 
 
 VIEW_STEPS = 65

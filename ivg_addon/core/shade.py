@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from .closures import Caustics, Closure, Float64, Values, usable_index
+from .metals import conductor_edge, conductor_reflectance, tinted_edge
 from .principled import COSINE_WEIGHTS
 from .principled_lobes import shade_principled
 from .scene import DIELECTRIC, GLASS, GLOSSY, MATTE, NONE, REFRACTION, SCHLICK, TRANSLUCENT, TRANSPARENT
@@ -58,8 +59,10 @@ def _shade(closure: Closure, values: Values, caustics: Caustics) -> Shading:
         case "GLOSSY" if caustics.reflective:
             return lobe(GLOSSY, weight * colour(), weight * colour())
         case "METALLIC" if caustics.reflective:
-            normal = np.clip(_metal(closure, values), 0.0, 1.0)
-            return lobe(GLOSSY, weight * normal, weight * np.ones((1, 3)), SCHLICK)
+            normal, edge = _metal(closure, values)
+            rough, ones = values.share(closure.inputs["Roughness"]), weight * np.ones((1, 3))
+            metal = Lobe(GLOSSY, weight * normal, ones, rough, 1.5, SCHLICK, closure.multiscatter, weight, edge=edge)
+            return Shading(none, none, (metal,))
         case "GLASS":
             tint = weight * colour()
             ior = usable_index(values.mean(closure.inputs["IOR"]))
@@ -78,9 +81,11 @@ def _shade(closure: Closure, values: Values, caustics: Caustics) -> Shading:
     return Shading(none, none)
 
 
-def _metal(closure: Closure, values: Values) -> Float64:
-    """Return a metal's reflectance at normal incidence: a colour, or from its complex index of refraction n + ik."""
+def _metal(closure: Closure, values: Values) -> tuple[Float64, Float64]:
+    """Return a metal's reflectance at normal incidence, (k, 3), and how its curve differs from Schlick's, (3,)."""
     if "Color" in closure.inputs:
-        return values(closure.inputs["Color"])
+        normal = np.clip(values(closure.inputs["Color"]), 0.0, 1.0)
+        return normal, tinted_edge(normal, values(closure.inputs["Edge Tint"]))
     n, k = (np.maximum(values(closure.inputs[name]), 0.0) for name in ("IOR", "Extinction"))
-    return np.asarray(((n - 1.0) ** 2 + k**2) / ((n + 1.0) ** 2 + k**2))
+    normal = conductor_reflectance(np.ones(1), n, k)[0]
+    return normal, conductor_edge(n, k)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from .microfacets import MEAN_EDGE
 from .principled import COSINE_WEIGHTS, COSINES, facet_means, mean_reflectance, oren_nayar_share
 from .scene import DIELECTRIC, GLASS, GLOSSY, MATTE, NONE, SCHLICK, SHEEN
 from .sheen import sheen_reflectance
@@ -38,6 +39,8 @@ class Lobe:
     weight : (k, 1) or (k, 3)
     view : (directions, 3)
         At `principled.COSINES`, the same at all points; None where it is 1.
+    edge : (3,)
+        The same at all points; None where it is 0.
     """
 
     kind: int
@@ -49,6 +52,7 @@ class Lobe:
     multiscatter: bool = False
     weight: Float64 = field(default_factory=lambda: np.ones((1, 1)))
     view: Float64 | None = None
+    edge: Float64 | None = None
 
     def albedo(self) -> Float64:
         """Return the share of light from all sides, (k, 3), that it does not absorb."""
@@ -57,7 +61,8 @@ class Lobe:
                 reflected = mean_reflectance(self.ior)
                 return reflected * self.color + (1.0 - reflected) * self.second
             case k, f if k == GLOSSY and f == SCHLICK:
-                return self.color + (self.second - self.color) * _MEAN_SCHLICK
+                behind = 0.0 if self.edge is None else self.edge * MEAN_EDGE
+                return self.color + (self.second - self.color) * _MEAN_SCHLICK - self.second * behind
             case k, f if k == GLOSSY and f == DIELECTRIC:
                 shape, single = _facet_means(self.ior, self.roughness)
                 fresnel = self.color + (self.second - self.color) * shape
@@ -169,7 +174,8 @@ def merged(lobes: Iterable[Lobe]) -> Iterator[Lobe]:
             continue
         view = None if lobe.view is None else lobe.view.tobytes()
         own = lobe.second.tobytes() if lobe.kind == MATTE and (lobe.roughness >= SMOOTH).any() else None
-        key = (lobe.kind, lobe.ior, lobe.fresnel, lobe.multiscatter, lobe.roughness.tobytes(), view, own)
+        edge = None if lobe.edge is None else lobe.edge.tobytes()
+        key = (lobe.kind, lobe.ior, lobe.fresnel, lobe.multiscatter, lobe.roughness.tobytes(), view, own, edge)
         if key in groups:
             other = groups[key]
             lobe = replace(

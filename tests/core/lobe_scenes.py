@@ -33,6 +33,7 @@ def lobe(
     color_texture: int = NO_TEXTURE,
     roughness_texture: int = NO_TEXTURE,
     view: ArrayLike = 1.0,
+    edge: ArrayLike = 0.0,
 ) -> Lobes:
     """Return one lobe; `view` broadcasts to (VIEW_STEPS, 3)."""
 
@@ -55,6 +56,7 @@ def lobe(
         fresnel=row(fresnel, np.int32),
         multiscatter=row(multiscatter, np.bool_),
         weight=colour(weight),
+        edge=colour(edge),
         view=np.broadcast_to(np.asarray(view, dtype=np.float32), (1, VIEW_STEPS, 3)).copy(),
     )
 

@@ -92,7 +92,9 @@ def test_what_does_nothing_to_light() -> None:
 
 def test_a_lobes_weight_is_what_is_not_its_own_colour() -> None:
     mask = np.array([[0.2], [0.6]])
-    metal = Closure("METALLIC", {"Color": RED, "Roughness": (0.5,)}, (Factor(Leaf(0)), Factor((0.5,))))
+    metal = Closure(
+        "METALLIC", {"Color": RED, "Edge Tint": (1.0, 1.0, 1.0), "Roughness": (0.5,)}, (Factor(Leaf(0)), Factor((0.5,)))
+    )
     row = make_row("Row", shade([metal, principled(Metallic=(0.3,))], [mask], PLAIN), 0, as_constant)
     lobes = pack_materials([row]).lobes
     assert lobes.weight is not None
