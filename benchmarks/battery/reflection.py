@@ -123,6 +123,11 @@ CASES = (
         with_card(_principled(Transmission_Weight=0.8, Thin_Wall=True)),
         paths=_SPECULAR,
     ),
+    Case(
+        "surface: Principled, thin wall, clear",
+        with_card(_principled(Transmission_Weight=1.0, Thin_Wall=True, Roughness=0.0)),
+        paths=_SPECULAR,
+    ),
     Case("surface: Principled, GGX", with_floor_and_card(_ggx())),
     Case(
         "surface: Principled, specular tint", with_floor_and_card(_principled(Specular_Tint=(1.0, 0.3, 0.1), IOR=2.0))

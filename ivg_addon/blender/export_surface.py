@@ -155,6 +155,7 @@ class _SurfaceReader:
         return (Closure("EMISSION", self._inputs(output, ("Color",), ("Strength",)), weight),)
 
     def _diffuse(self, output: Output, weight: tuple[Factor, ...]) -> tuple[Closure, ...]:
+        self._turned(output, False)
         return (Closure("DIFFUSE", self._inputs(output, ("Color",), ("Roughness",)), weight),)
 
     def _as_diffuse(self, output: Output, weight: tuple[Factor, ...]) -> tuple[Closure, ...]:
@@ -213,16 +214,12 @@ class _SurfaceReader:
             self._omitted["subsurface scattering (taken as diffuse)"] = None
         if "Thin Wall" in output.node.inputs:  # from Blender 5.2 on
             inputs["Thin Wall"] = self._sockets.number(output.input("Thin Wall"))
-            if inputs["Thin Wall"] != (0.0,) and inputs["Transmission Weight"] != (0.0,):
-                self._omitted["blur in thin walls (taken as clear panes)"] = None
         if inputs["Emission Strength"] != (0.0,):
             self._note_directed(weight)
             for layer in ("coat", "sheen"):
                 if inputs[f"{layer.title()} Weight"] != (0.0,):
                     self._omitted[f"the directions of light through a {layer} (its mean taken)"] = None
-        if inputs["Metallic"] != (0.0,) or inputs["Transmission Weight"] != (0.0,):
-            self._note_normal(output)
-        self._note_facets(output)
+        self._turned(output, inputs["Metallic"] != (0.0,) or inputs["Transmission Weight"] != (0.0,))
         return (Closure("PRINCIPLED", inputs, weight, output.node.distribution == "MULTI_GGX"),)
 
     def _note_directed(self, weight: tuple[Factor, ...]) -> None:
@@ -230,16 +227,14 @@ class _SurfaceReader:
         if any(factor.shape != "CONSTANT" for factor in weight):
             self._omitted["the directions in which it shines by Fresnel or Layer Weight (their mean taken)"] = None
 
-    def _turned(self, output: Output) -> None:
-        """Say which properties of a glossy lobe are not taken into account."""
-        self._note_normal(output)
-        self._note_facets(output)
+    def _turned(self, output: Output, glossy: bool = True) -> None:
+        """Say which properties of a lobe's normals and facets are not taken into account.
 
-    def _note_normal(self, output: Output) -> None:
-        if follow(output.input("Normal"))[1] is not None:
+        Bumps leave the diffuse reflection of a surface as it is on average; a normal map may tilt all of it.
+        """
+        _, normal = follow(output.input("Normal"))
+        if normal is not None and (glossy or normal.node.type != "BUMP"):
             self._omitted["bump or normal map"] = None
-
-    def _note_facets(self, output: Output) -> None:
         names = [socket.identifier for socket in output.node.inputs]
         for name, words in _FACETS.items():
             if name in names:

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .compiled import inlined, kernel, merged
-from .scene import GLASS, NO_TEXTURE, REFRACTION, TRANSLUCENT, TRANSPARENT, Float32, Geometry, Materials
+from .scene import GLASS, NO_TEXTURE, PANE, REFRACTION, TRANSLUCENT, TRANSPARENT, Float32, Geometry, Materials
 
-_LETTING_THROUGH = (GLASS, REFRACTION, TRANSLUCENT, TRANSPARENT)
+_LETTING_THROUGH = (GLASS, REFRACTION, TRANSLUCENT, TRANSPARENT, PANE)
 BLACK_NAME = "(doubled faces)"
 
 MOST_IN_PLANE = 512

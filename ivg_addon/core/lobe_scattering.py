@@ -16,7 +16,8 @@ with n the index of refraction on either side, and for diffuse lobes (`matte`, `
 
     w' = w π f(o, i) |i·s| / |i·g|.
 
-What Cycles takes off a lobe by the direction of view (layers above it, mixes by Fresnel) is a factor of o.
+A pane sends what facets reflect to the other side, mirrored. What Cycles takes off a lobe by the direction of view
+(layers above it, mixes by Fresnel) is a factor of o.
 
 Flux that is refracted keeps its power, and the radiance that it makes changes by (n_o/n_i)² [Veach 1997, §5.2]. Cycles
 leaves that factor out of radiance; what it computes is the light of photons that carry (n_i/n_o)² times as much.
@@ -40,7 +41,7 @@ from .matte import SMOOTH, rough_diffuse, view_factor
 from .microfacets import CLEAR, MIRROR_ALPHA, energy_factor, refracted_cosine, shadowing, visible_normal
 from .random import STREAM_SCATTER, random4
 from .scattering import ABSORBED, CUT, ESCAPED, add_energy, store
-from .scene import MATTE, NO_TEXTURE, SHEEN, TRANSLUCENT, TRANSPARENT
+from .scene import MATTE, NO_TEXTURE, PANE, SHEEN, TRANSLUCENT, TRANSPARENT
 from .sheen import sheen_shape
 from .surface_bins import BACK, FRONT, patch_of
 from .surfaces import corner, shading_normal, texture_coordinates
@@ -203,10 +204,14 @@ def scatter_at_lobes(
             cos_ih = ix * hx + iy * hy + iz * hz
             transmitted, f0, f1, f2, m0, m1, m2 = facet_fate(numbers, codes, chosen, part, cos_ih, eta, xi, w0, w1, w2)
             ox, oy, oz = _image(ix, iy, iz, hx, hy, hz, eta, transmitted)
+            if kind == PANE:
+                transmitted, eta = True, 1.0
+                along = 2.0 * (ox * sx + oy * sy + oz * sz)
+                ox, oy, oz = ox - along * sx, oy - along * sy, oz - along * sz
             sign = -1.0 if transmitted else 1.0
             cos_og = sign * (ox * gx + oy * gy + oz * gz)
             cos_os = sign * (ox * sx + oy * sy + oz * sz) if turned else cos_og
-            scale *= _shadowing(cos_is, cos_ig, cos_os, cos_og, roughness, turned, transmitted, eta)
+            scale *= _shadowing(cos_is, cos_ig, cos_os, cos_og, roughness, turned, transmitted and kind != PANE, eta)
             if transmitted:
                 radiance_scale = 1.0 / (eta * eta)
             table = codes[chosen, FRONT_ENERGY if front != transmitted else BACK_ENERGY]

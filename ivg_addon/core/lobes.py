@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .microfacets import ENERGY_STEPS_COSINE, ENERGY_STEPS_ROUGHNESS, fill_energy, mean_fresnel_factor
-from .scene import GLASS, GLOSSY, MATTE, NO_TEXTURE, TRANSPARENT, VIEW_STEPS, Float32, Int32, Lobes, Materials
+from .scene import GLASS, GLOSSY, MATTE, NO_TEXTURE, PANE, TRANSPARENT, VIEW_STEPS, Float32, Int32, Lobes, Materials
 
 KIND, FRESNEL, COLOR_TEXTURE, SECOND_TEXTURE, ROUGHNESS_TEXTURE, FRONT_ENERGY, BACK_ENERGY, VIEW = range(8)
 """Columns of `LobeTable.codes`; energy tables are those of the lobe as seen from each side."""
@@ -108,7 +108,7 @@ def _energy_tables(lobes: Lobes, ior: Float32) -> tuple[Int32, tuple[float, ...]
     etas: dict[float, int] = {}
     tables = np.full((len(lobes.kind), 2), NO_ENERGY, dtype=np.int32)
     for row in np.flatnonzero(lobes.multiscatter):
-        if lobes.kind[row] == GLOSSY:
+        if lobes.kind[row] in (GLOSSY, PANE):
             seen = (0.0, 0.0)
         elif lobes.kind[row] == GLASS:
             seen = (float(ior[row]), 1.0 / float(ior[row]))

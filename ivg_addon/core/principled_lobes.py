@@ -23,6 +23,7 @@ from .principled import (
 )
 from .scene import DIELECTRIC, GLASS, GLOSSY, MATTE, SCHLICK, TRANSPARENT
 from .shading import Lobe, Shading, sheen_lobe
+from .thin_walls import thin_wall
 
 _COMBINATIONS = 256
 """Most combinations of layers for which shares are computed; values are rounded until there are no more."""
@@ -91,7 +92,7 @@ def shade_principled(closure: Closure, values: Values, weight: Float64, caustics
     glass = inside * (1.0 - metallic) * transmission
     inner = usable_index(float(ior.mean()))
     if values.mean(inputs.get("Thin Wall", (0.0,))) > 0.5:
-        lobes += _thin_glass(glass * tint, glass * np.minimum(base, 1.0), roughness, inner, caustics)
+        lobes += thin_wall(glass, tint, np.minimum(base, 1.0), roughness, inner, caustics)
     else:
         through = glass * np.sqrt(np.minimum(base, 1.0)) * caustics.refractive
         over = glass * tint * caustics.reflective
@@ -107,22 +108,6 @@ def _seen(lobe: Lobe, curve: Float64) -> Lobe:
     """Return a lobe, whose amount is known, with the shape of a function of the direction of view."""
     mean = COSINE_WEIGHTS @ curve
     return lobe if (mean <= 0.0).any() else lobe.seen_by(curve / mean)
-
-
-def _thin_glass(
-    color: Float64, second: Float64, roughness: Float64, ior: float, caustics: Caustics
-) -> tuple[Lobe, ...]:
-    """Return a pane's lobes: its sides reflect 2F/(1 + F) together, at normal incidence; the rest goes straight on."""
-    f0 = float(reflectance_of_ior(ior))
-    normal = np.full((1, 3), 2.0 * f0 / (1.0 + f0))
-    white = Lobe(GLOSSY, normal, np.ones((1, 3)), roughness, max(ior, 1.0 / ior), DIELECTRIC)
-    lobes = []
-    if caustics.reflective:
-        lobes.append(white.scaled(color))
-    if caustics.refractive:
-        straight = (1.0 - white.albedo()) * second
-        lobes.append(Lobe(TRANSPARENT, straight, straight, np.zeros((1, 1))))
-    return tuple(lobes)
 
 
 def _shares(parameters: Sequence[Float64], multiscatter: bool, specular: bool) -> tuple[Float64, Float64, Float64]:

@@ -105,6 +105,7 @@ class Lobes:
         TRANSLUCENT  color, with a cosine on the other side
         TRANSPARENT  color, straight on
         MATTE        color, about as a rough diffuse surface of albedo `second` would; see `matte`
+        PANE         color, through a thin wall: a glossy reflection, mirrored to the other side
         SHEEN        color, as `sheen` has it; `view` is to hold how that depends on the direction of view
 
     A lobe may look different from direction to direction: it then sends `view` times as much.
@@ -114,8 +115,8 @@ class Lobes:
     material : (l,) int32
         Index into `Materials`, never decreasing.
     kind : (l,) int32
-        One of `GLOSSY`, `GLASS`, `REFRACTION`, `TRANSLUCENT`, `TRANSPARENT`, `MATTE`, `SHEEN`. Where a material has
-        matte lobes they are all of its diffuse reflection, and `Materials.albedo` says how much that is.
+        One of `GLOSSY`, `GLASS`, `REFRACTION`, `TRANSLUCENT`, `TRANSPARENT`, `MATTE`, `SHEEN`, `PANE`. Where a material
+        has matte lobes they are all of its diffuse reflection, and `Materials.albedo` says how much that is.
     color, second : (l, 3) float32
         Linear RGB, the lobe's weight in the material included; see above.
     color_texture, second_texture : (l,) int32
@@ -159,7 +160,7 @@ class Lobes:
 
 
 VIEW_STEPS = 65
-GLOSSY, GLASS, REFRACTION, TRANSLUCENT, TRANSPARENT, MATTE, SHEEN = range(7)
+GLOSSY, GLASS, REFRACTION, TRANSLUCENT, TRANSPARENT, MATTE, SHEEN, PANE = range(8)
 """Kinds of lobes."""
 NONE, SCHLICK, DIELECTRIC = range(3)
 """Shapes of a glossy lobe's Fresnel factor: constant; (1 − cos θ)⁵; that of a dielectric of the lobe's IOR."""

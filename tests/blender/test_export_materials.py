@@ -193,6 +193,12 @@ def test_volume_domain_does_not_block_light() -> None:
     assert said(scene) == ["simplified: without volume"]
 
 
+def test_a_normal_map_is_named() -> None:
+    for kind in ("BsdfDiffuse", "BsdfPrincipled"):
+        scene = export(surface(shader(kind, Normal=node_output("NormalMap", "Normal"))))
+        assert said(scene) == ["simplified: without bump or normal map"]
+
+
 def test_bump_does_not_change_what_a_diffuse_surface_reflects() -> None:
     def build(tree: Tree, output: Node) -> None:
         bump = shader("Bump")

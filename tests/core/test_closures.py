@@ -193,14 +193,6 @@ def test_equal_lobes_are_one() -> None:
     np.testing.assert_allclose(lobes[0].color, [np.multiply(0.5, RED)])
 
 
-def test_a_pane_reflects_twice_and_bends_nothing() -> None:
-    pane = principled(Transmission_Weight=(1.0,), Thin_Wall=(1.0,), Base_Color=(1.0, 1.0, 1.0), Roughness=(0.0,))
-    shading = shade([pane], [], PLAIN)
-    assert sorted(lobe.kind for lobe in shading.lobes) == [GLOSSY, TRANSPARENT]
-    np.testing.assert_allclose(shading.lobes[0].color, 0.08 / 1.04, rtol=1e-6)
-    np.testing.assert_allclose(shading.total(), 1.0, atol=0.02)
-
-
 @pytest.mark.parametrize(
     ("colour", "kept", "wrong"),
     [
