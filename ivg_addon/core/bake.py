@@ -21,7 +21,7 @@ from .errors import SceneError
 from .grid import BakeRecord, IrradianceVectorGrid, grid_bytes
 from .lit_volume import LightKnowledge, LitParts, lit_part_steps
 from .memory import require
-from .partitioning import partition_steps
+from .partitioning import parting, partition_steps
 from .partitions import Partitions
 from .photon_walk import BATCH, Course, Walk, Walkers, thread_count, walk_steps
 from .progress import Progress, finish, part
@@ -37,6 +37,9 @@ from .version import VERSION
 LEAST_LIT_SHARE = 0.01
 """Below this lit share a vertex is left out: its estimate would be a few photons divided by next
 to nothing, and its neighbours know better."""
+
+_MOSTLY_LIT = 0.5
+"""From this lit share on a cell in which no photon flew is dark; it knows that."""
 
 
 @dataclass(frozen=True)
@@ -137,7 +140,8 @@ def bake_steps(scene: Scene, settings: BakeSettings) -> Generator[Progress, None
         sides_start = time.perf_counter()
         knowledge = _light_knowledge(scene, course, walkers.bin_counts())
         share = photon_share * scouts / settings.photons
-        partitions = yield from part(partition_steps(knowledge, lattice, settings.seed, settings.threads), share, share)
+        search = partition_steps(knowledge, course.walls, lattice, settings.seed, settings.threads)
+        partitions = yield from part(search, share, share)
         sides_seconds = time.perf_counter() - sides_start
         walkers.divide(partitions)
     yield from part(walkers.fly_steps(scouts, settings.photons), 0.0, photon_share)
@@ -207,7 +211,9 @@ def prepare_course(scene: Scene, lattice: Lattice, photons: int) -> Course:
     first = Tracer(scene.geometry)
     seen = scene.diffuse_visible[scene.geometry.object]
     later = first if seen.all() else Tracer(scene.geometry, keep=seen)
-    return Course(emission, first, later, Surfaces.of(scene, bins), bins, RestrictedLight.of(scene, emission))
+    parts = parting(scene)
+    walls = later if parts.all() else Tracer(scene.geometry, keep=seen & parts)
+    return Course(emission, first, later, walls, Surfaces.of(scene, bins), bins, RestrictedLight.of(scene, emission))
 
 
 def _scouts(photons: int) -> int:
@@ -233,13 +239,18 @@ def _compile_kernels(scene: Scene, course: Course, settings: BakeSettings) -> No
     walk = finish(walk_steps(course, lattice, tiny))
     if _measures_lit_volume(settings):
         knowledge = _light_knowledge(scene, course, walk.bin_counts)
-        partitions = finish(partition_steps(knowledge, lattice, 0, 1))
+        partitions = finish(partition_steps(knowledge, course.walls, lattice, 0, 1))
         finish(lit_part_steps(knowledge, lattice, partitions, 1, 0, 1))
 
 
 def _normalise(vectors: np.ndarray, share: Float32) -> tuple[np.ndarray, Float32]:
-    """Divide whole-cell means by the lit share; vertices with next to none become invalid."""
-    valid = share >= LEAST_LIT_SHARE
+    """Divide whole-cell means by the lit share; vertices with next to none become invalid.
+
+    So do those of mostly dark cells in which no photon flew: what was taken for lit there was none (the inside of a
+    wall, by rays that leave it at an edge).
+    """
+    counted = vectors.any(axis=(-1, -2, -3))
+    valid = (share >= LEAST_LIT_SHARE) & (counted | (share >= _MOSTLY_LIT))
     validity = np.where(valid, share, np.float32(0))
     scale = np.where(valid, 1.0 / np.maximum(share, LEAST_LIT_SHARE), 0.0)
     return vectors * scale[..., None, None, None], validity

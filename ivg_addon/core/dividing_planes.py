@@ -10,8 +10,10 @@ from .partitions import MOST_PLANES, side_distance
 _NEAR = 0.1
 """Voxels up to which a vertex is taken to lie in a wall: so that all of a layer in its plane speak for the same side,
 it is then that which lies up, north or east."""
-_LEAST_SHARE = 0.25
-"""Of the other side's weight in the interpolation from a vertex, that the lit part of the side it lies on must have."""
+_MOSTLY_LIT = 0.5
+"""Of the points of a vertex's dual cell on the side that it lies on; with fewer lit ones it may lie in a solid."""
+_LEAST_SHARE = 2.0
+"""Of the other side's weight in the interpolation from a vertex that may lie in a solid, that its own must have."""
 _LEAST_BLOCKED = 0.5
 """Of the ways through a plane, for it to divide."""
 _LEAST_WAYS = 4
@@ -58,7 +60,7 @@ def find_planes(vertices, counts, points, lit, starts, ends, blocked, normals, m
             if best == 0.0:
                 break
             number[index] = plane + 1
-            turn_to_own_side(vertices[index], counts, points[index], own, planes[index, plane])
+            turn_to_own_side(vertices[index], counts, points[index], lit[index], own, planes[index, plane])
         measure_slack(first, last, ends, blocked, normals, met, places, number[index], planes[index])
 
 
@@ -105,28 +107,38 @@ def worth(first, last, offset, own, ends, blocked, places, normal, d):
 
 
 @inlined
-def turn_to_own_side(vertex, counts, points, own, plane):
+def turn_to_own_side(vertex, counts, points, lit, own, plane):
     """Turn a plane towards the side that its vertex speaks for, and unmark the points on the other."""
     i, j, k = vertex_indices(vertex, counts)
-    ahead, behind = 0.0, 0.0
-    for point in range(len(points)):
-        if own[point]:
-            x, y, z = points[point, 0] - i, points[point, 1] - j, points[point, 2] - k
-            weight = max(0.0, 1.0 - abs(x)) * max(0.0, 1.0 - abs(y)) * max(0.0, 1.0 - abs(z))
-            if plane[0] * points[point, 0] + plane[1] * points[point, 1] + plane[2] * points[point, 2] >= plane[3]:
-                ahead += weight
-            else:
-                behind += weight
     distance = plane[0] * i + plane[1] * j + plane[2] * k - plane[3]
     if abs(distance) < _NEAR:
         distance = plane[0] + 2.0 * plane[1] + 4.0 * plane[2]
-    lies_ahead = ahead >= _LEAST_SHARE * behind if distance > 0.0 else behind < _LEAST_SHARE * ahead
-    if not lies_ahead:
+    weight_here, weight_there = 0.0, 0.0
+    in_cell, lit_in_cell = 0, 0
+    for point in range(len(points)):
+        x, y, z = points[point, 0] - i, points[point, 1] - j, points[point, 2] - k
+        weight = max(0.0, 1.0 - abs(x)) * max(0.0, 1.0 - abs(y)) * max(0.0, 1.0 - abs(z))
+        if (is_ahead(points, point, plane)) == (distance > 0.0):
+            if max(abs(x), max(abs(y), abs(z))) <= 0.5:
+                in_cell += 1
+                lit_in_cell += lit[point]
+            if own[point]:
+                weight_here += weight
+        elif own[point]:
+            weight_there += weight
+    in_solid = lit_in_cell < _MOSTLY_LIT * in_cell and weight_here < _LEAST_SHARE * weight_there
+    if in_solid == (distance > 0.0):
         for entry in range(4):
             plane[entry] = -plane[entry]
     for point in range(len(points)):
-        if plane[0] * points[point, 0] + plane[1] * points[point, 1] + plane[2] * points[point, 2] < plane[3]:
+        if not is_ahead(points, point, plane):
             own[point] = False
+
+
+@inlined
+def is_ahead(points, point, plane):
+    """Tell whether a point lies on a plane's positive side, or in it."""
+    return plane[0] * points[point, 0] + plane[1] * points[point, 1] + plane[2] * points[point, 2] >= plane[3]
 
 
 @inlined

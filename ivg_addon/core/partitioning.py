@@ -24,11 +24,12 @@ from .cell_points import sequence_point, vertex_indices
 from .compiled import kernel
 from .dividing_planes import find_planes
 from .dual_cells import Lattice
+from .embree import Tracer
 from .lit_volume import LightKnowledge, mark_cut_cells
 from .partitions import MOST_PLANES, Partitions
 from .progress import Progress
 from .random import STREAM_PARTITION, random4
-from .scene import Float32
+from .scene import GLASS, PANE, REFRACTION, TRANSPARENT, Float32, Scene
 
 Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]
@@ -40,14 +41,30 @@ _AROUND = 8 * POINTS
 _FIRST_STRIDE, _STRIDES = 55, (1, 3, 8, 21, 34)
 """A way leads from each lit point to the one so many further on in their list. Where none of the first kind is blocked
 nothing divides the vertex."""
+_FAR_AWAY = 1e6
+"""Voxels."""
 _BATCH = 512
 """Vertices at a time."""
 _LIT_BATCH = 1 << 13
 """Voxels at a time."""
 
 
+_CLEAR = 0.5
+"""From this transmittance on a surface parts nothing: who looks through glass sees much the same from both sides."""
+
+
+def parting(scene: Scene) -> NDArray[np.bool_]:
+    """Tell which triangles, (nt,), may part places: those that light does not go on through."""
+    lobes = scene.materials.lobes
+    clear = np.isin(lobes.kind, (GLASS, REFRACTION, TRANSPARENT, PANE))
+    through = np.where(lobes.kind == GLASS, lobes.second.max(axis=1), lobes.color.max(axis=1))
+    transmittance = np.zeros(len(scene.materials.names))
+    np.add.at(transmittance, lobes.material[clear], through[clear])
+    return np.asarray(transmittance[scene.geometry.material] < _CLEAR)
+
+
 def partition_steps(
-    knowledge: LightKnowledge, lattice: Lattice, seed: int, threads: int
+    knowledge: LightKnowledge, walls: Tracer, lattice: Lattice, seed: int, threads: int
 ) -> Generator[Progress, None, Partitions]:
     """Return the planes of all vertices; yields as it goes.
 
@@ -55,6 +72,8 @@ def partition_steps(
     ----------
     knowledge
         Where light is; a part of the photons tells it well enough.
+    walls
+        What is `parting`.
     seed
         Of the points.
     threads
@@ -70,7 +89,7 @@ def partition_steps(
     place = np.full(lattice.vertex_count, -1, dtype=np.int32)
     place[voxels] = np.arange(len(voxels), dtype=np.int32)
     lit = np.zeros((len(voxels), POINTS), dtype=np.bool_)
-    around = _Around(knowledge, lattice, seed, place, lit)
+    around = _Around(knowledge, walls, lattice, seed, place, lit)
     found: list[tuple[Int64, Float32]] = [(np.zeros(0, dtype=np.int64), np.empty((0, 5), dtype=np.float32))]
 
     with ThreadPoolExecutor(threads or os.cpu_count(), thread_name_prefix="ivg-sides") as pool:
@@ -120,6 +139,7 @@ class _Around:
     """
 
     knowledge: LightKnowledge
+    walls: Tracer
     lattice: Lattice
     seed: int
     place: NDArray[np.int32]
@@ -154,7 +174,7 @@ class _Around:
         ends = ends[: pair_up(lit, stride, ends)]
         world = self._world(points)
         origins = world[ends[:, 0]]
-        hits = self.knowledge.tracer.intersect(origins, world[ends[:, 1]] - origins)
+        hits = self.walls.intersect(origins, world[ends[:, 1]] - origins)
         return _Ways(ends, hits.triangle, hits.distance)
 
     def _obstacles(self, ways: _Ways, points: Float64) -> tuple[Int64, NDArray[np.bool_], Float64, Float64]:
@@ -234,7 +254,7 @@ def spread_in_voxels(voxels, counts, seed, points):
 def gather(vertices, counts, seed, place, known, points, lit):
     """Fill points (n, _AROUND, 3) voxels and lit (n, _AROUND) for the voxels around each vertex.
 
-    Outside of the grid nothing is lit.
+    Outside of the grid nothing is lit, and there are no points.
     """
     voxel = np.empty(1, dtype=np.int64)
     for index in range(len(vertices)):
@@ -248,7 +268,7 @@ def gather(vertices, counts, seed, place, known, points, lit):
                 spread_in_voxels(voxel, counts, seed, points[index : index + 1, here])
                 lit[index, here] = known[place[voxel[0]]]
             else:
-                points[index, here] = 0.0
+                points[index, here] = _FAR_AWAY
                 lit[index, here] = False
 
 

@@ -78,6 +78,8 @@ class Course:
     first, later
         What blocks a photon before and after its first bounce; to pass a transparent surface is none.
         Objects that diffuse rays do not see cast shadows all the same, so the two can differ.
+    walls
+        What parts places: `later` without what light goes on through.
     surfaces, bins
         What photons scatter at, and where they are counted.
     restricted
@@ -87,6 +89,7 @@ class Course:
     emission: Emission
     first: Tracer
     later: Tracer
+    walls: Tracer
     surfaces: Surfaces
     bins: SurfaceBins
     restricted: RestrictedLight | None = None

@@ -12,14 +12,15 @@ from numpy.typing import NDArray
 from ivg_addon.core.bake import bake
 from ivg_addon.core.dual_cells import Lattice
 from ivg_addon.core.grid import IrradianceVectorGrid
-from ivg_addon.core.partitioning import partition_steps
+from ivg_addon.core.partitioning import parting, partition_steps
 from ivg_addon.core.partitions import Partitions
 from ivg_addon.core.progress import finish
-from ivg_addon.core.scene import Scene
+from ivg_addon.core.scene import GLASS, TRANSLUCENT, TRANSPARENT, Scene
 from ivg_addon.core.settings import BakeSettings, Estimator, Spatial
 from ivg_addon.core.tally import Tally
 
 from .grids import grid, own_weights, spread
+from .lobe_scenes import lobe, with_lobes
 from .rooms import box, quad, rotation, scene
 from .turned_rooms import knowledge
 from .z_tests import assert_means
@@ -156,7 +157,8 @@ def test_where_nobody_speaks_everybody_is_heard() -> None:
 def found(of: Scene, photons: int = 1000, lattice: Lattice = CUBE, threads: int = 2, seed: int = 0) -> Partitions:
     """Return the partitions of a scene all of whose surfaces received photons on both sides."""
     objects = len(of.objects)
-    return finish(partition_steps(knowledge(of, [photons] * objects, [photons] * objects), lattice, seed, threads))
+    known = knowledge(of, [photons] * objects, [photons] * objects)
+    return finish(partition_steps(known, known.tracer, lattice, seed, threads))
 
 
 def sheet(half: float, height: float) -> Scene:
@@ -195,7 +197,7 @@ def test_a_sheet_divides_up_to_near_its_border() -> None:
 
 def test_rooms_poles_and_dust_divide_nothing() -> None:
     room = knowledge(scene([box((-0.9,) * 3, (0.9,) * 3, inward=True, turn=TURN)]), [1000], [0])
-    assert not finish(partition_steps(room, CUBE, 0, 2)).divided.any()
+    assert not finish(partition_steps(room, room.tracer, CUBE, 0, 2)).divided.any()
     assert not found(scene([box((-0.03, -0.02, -2), (0.02, 0.03, 2))])).divided.any()
     rng = np.random.default_rng(0)
     specks = [quad(p, 0.02 * u, 0.02 * v) for p, u, v in rng.uniform(-1, 1, (60, 3, 3))]
@@ -204,9 +206,18 @@ def test_rooms_poles_and_dust_divide_nothing() -> None:
 
 def test_what_is_dark_behind_needs_no_division() -> None:
     """A floor over solid ground: photons meet one side of it."""
-    of = sheet(3.0, 0.1)
-    dark = finish(partition_steps(knowledge(of, [1000], [0]), CUBE, 0, 2))
-    assert not dark.divided.any()
+    dark = knowledge(sheet(3.0, 0.1), [1000], [0])
+    assert not finish(partition_steps(dark, dark.tracer, CUBE, 0, 2)).divided.any()
+
+
+@pytest.mark.parametrize(
+    ("kind", "colour", "parts"),
+    [(TRANSPARENT, 0.6, False), (TRANSPARENT, 0.4, True), (GLASS, 1.0, False), (TRANSLUCENT, 1.0, True)],
+)
+def test_what_light_goes_on_through_parts_nothing(kind: int, colour: float, parts: bool) -> None:
+    of = scene([quad((-3, -3, 0.1), (6, 0, 0), (0, 6, 0), material=1)], ((0.5,) * 3, (0.0,) * 3))
+    of = with_lobes(of, lobe(kind, (colour,) * 3, material=1))
+    np.testing.assert_array_equal(parting(of), parts)
 
 
 def test_any_number_of_threads_finds_the_same_planes() -> None:
@@ -231,14 +242,14 @@ def test_bent_sheets_have_slack() -> None:
 # --- The whole: two furnaces wall to wall -----------------------------------------------------------------------------
 
 
-def furnaces(turn: Float64, wall: float, lattice: Lattice | None = None, seed: int = 0) -> IrradianceVectorGrid:
-    """Bake two closed rooms with a millimetre between them, one ten times as bright.
+def furnaces(turn: Float64, wall: float, seed: int = 0, gap: float = 1e-3) -> IrradianceVectorGrid:
+    """Bake two closed rooms with a gap between them, one ten times as bright.
 
     In a closed room of albedo ½ that emits the radiance e, E of the reflected light is π e for every point and normal.
     """
     rooms = [
-        box((-1, -1, -1), (wall - 5e-4, 1, 1), 0, inward=True, turn=turn),
-        box((wall + 5e-4, -1, -1), (1, 1, 1), 1, inward=True, turn=turn),
+        box((-1, -1, -1), (wall - gap / 2, 1, 1), 0, inward=True, turn=turn),
+        box((wall + gap / 2, -1, -1), (1, 1, 1), 1, inward=True, turn=turn),
     ]
     of = scene(rooms, albedo=((0.5,) * 3,) * 2, emission=((1.0,) * 3, (0.1,) * 3))
     low, high = of.geometry.bounds()
@@ -277,3 +288,15 @@ def test_hardly_any_light_leaks_between_turned_rooms() -> None:
     e = furnaces(TURN, 0.1).irradiance(points @ TURN.T, normals @ TURN.T)[:, 0] / np.pi
     assert np.mean(e[~bright] > 0.3) < 0.01
     assert np.mean(e[bright] < 0.5) < 0.01
+
+
+def test_nobody_speaks_for_the_inside_of_a_wall() -> None:
+    """A wall as thick as a voxel, with a layer of vertices inside: they speak for a room, or not at all."""
+    made = furnaces(np.eye(3), 0.0, gap=0.33)
+    inside = made.vectors[3]
+    assert (made.validity[3] > 0).any()
+    assert inside[made.validity[3] > 0].any(axis=(-1, -2, -3)).all()
+    points, normals, bright = places(0.0, 4000)
+    clear = np.abs(points[:, 0]) > 0.17
+    e = made.irradiance(points[clear], normals[clear])[:, 0] / np.pi / np.where(bright[clear], 1.0, 0.1)
+    assert np.mean(np.abs(e - 1.0) > 0.5) < 0.01
