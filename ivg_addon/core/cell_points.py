@@ -6,8 +6,8 @@ from __future__ import annotations
 import numpy as np
 
 from .compiled import inlined, kernel, merged
-from .partitions import NO_NORMAL, speaks_for
 from .random import STREAM_LIT_VOLUME, random4
+from .sides import NO_NORMAL, speaks_for
 
 # The generalised golden ratio in three dimensions: 1/g, 1/g², 1/g³ with g⁴ = g + 1 make an additive
 # sequence of low discrepancy (Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences").

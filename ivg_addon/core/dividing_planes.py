@@ -5,7 +5,8 @@ from __future__ import annotations
 
 from .cell_points import vertex_indices
 from .compiled import inlined, kernel
-from .partitions import MOST_PLANES, side_distance
+from .partitions import MOST_PLANES
+from .sides import side_distance
 
 _NEAR = 0.1
 """Voxels up to which a vertex is taken to lie in a wall: so that all of a layer in its plane speak for the same side,

@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 
 from .compiled import inlined, kernel, merged
 from .dual_cells import Lattice
-from .partitions import Partitions, side_distance, speaks_for
+from .partitions import Partitions
 from .reconstruction import DIRECTIONAL_CODES, directional_coefficients
 from .settings import Directional, Spatial
+from .sides import side_distance, speaks_for
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]

@@ -47,8 +47,6 @@ _BATCH = 512
 """Vertices at a time."""
 _LIT_BATCH = 1 << 13
 """Voxels at a time."""
-
-
 _CLEAR = 0.5
 """From this transmittance on a surface parts nothing: who looks through glass sees much the same from both sides."""
 

@@ -19,13 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiled import merged
-
 MOST_PLANES = 3
 """Of a vertex: in the corner of a room three walls meet."""
-
-NO_NORMAL = (0.0, 0.0, 0.0)
-"""Of a position in the air."""
 
 
 @dataclass(frozen=True)
@@ -63,20 +58,3 @@ class Partitions:
     def divided(self) -> NDArray[np.bool_]:
         """Which vertices have planes, (vertices,)."""
         return np.diff(self.start) > 0
-
-
-@merged
-def side_distance(planes, plane, x, y, z):
-    """Return N·x − D of a plane, in voxels."""
-    return planes[plane, 0] * x + planes[plane, 1] * y + planes[plane, 2] * z - planes[plane, 3]
-
-
-@merged
-def speaks_for(start, planes, vertex, x, n):
-    """Tell whether a vertex speaks for the position x (3,) voxels on a surface with normal n (3,), or 0."""
-    yes = True
-    for plane in range(start[vertex], start[vertex + 1]):
-        along = planes[plane, 0] * n[0] + planes[plane, 1] * n[1] + planes[plane, 2] * n[2]
-        if side_distance(planes, plane, x[0], x[1], x[2]) + planes[plane, 4] * along < 0.0:
-            yes = False
-    return yes

@@ -24,8 +24,9 @@ from numpy.typing import NDArray
 
 from .compiled import inlined, kernel, merged
 from .dual_cells import Lattice
-from .partitions import NO_NORMAL, Partitions, side_distance, speaks_for
+from .partitions import Partitions
 from .settings import Estimator
+from .sides import NO_NORMAL, side_distance, speaks_for
 
 Int64 = NDArray[np.int64]
 

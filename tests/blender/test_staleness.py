@@ -214,7 +214,7 @@ from ivg_addon.blender import jobs, staleness
 from ivg_addon.blender.check_job import check_job
 bpy.ops.wm.open_mainfile(filepath=arguments[0])
 before = staleness.freshness(bpy.context.scene)
-job = check_job(bpy.context)
+job = check_job(bpy.context, jobs.in_foreground)
 jobs.run_blocking(job, lambda progress: None)
 print(before.name, job.message)
 """
@@ -266,7 +266,7 @@ def test_a_grid_deleted_during_a_bake_is_made_anew(extension: str, room: Any) ->
 def test_a_grid_deleted_during_a_comparison_or_check(extension: str, room: Any) -> None:
     """A comparison has read the grid by then; a check has nothing left to tell of."""
     jobs = module(extension, "jobs")
-    job = module(extension, "check_job").check_job(bpy.context)
+    job = module(extension, "check_job").check_job(bpy.context, jobs.in_foreground)
     job.advance(0.0)
     bpy.ops.ivg.grid_remove()
     with pytest.raises(Exception, match="was removed while it was checked"):

@@ -88,14 +88,20 @@ def test_a_ball_around_the_grid() -> None:
 
 
 def test_a_turned_room_with_solids_and_a_thin_wall() -> None:
-    """All that cuts the cells is lit on both sides: the lit volume is the whole."""
+    """All that cuts the cells is lit on both sides: only where it parts places is the lit volume not the whole."""
     room = box((-1, -1, -1), (1, 1, 1), inward=True, turn=TURN)
     block = box((-0.3, -0.2, -0.2), (0.2, 0.1, 0.3), turn=rotation((3, 1, 1), 0.5))
     wall = quad((-0.5, 0.3, -0.5), (1, 0.1, 0), (0, 0, 1))
-    made = bakes(furnace(room, block, wall), replace(INSIDE_BALL, lit_points=64))
+    made = bakes(furnace(room, block, wall), replace(INSIDE_BALL, lit_points=1024))
+    rng = np.random.default_rng(0)
+    points = rng.uniform(INSIDE_BALL.bounds_min, INSIDE_BALL.bounds_max, (4000, 3))
+    normals = rng.normal(size=(4000, 3))
     for grid in made:
-        np.testing.assert_array_equal(grid.validity, 1)
-    assert_uniform(made, series(SETTINGS.bounces))
+        whole = ~grid.partitions.divided.reshape(grid.validity.shape)
+        assert whole.any() and not whole.all()
+        np.testing.assert_array_equal(grid.validity[whole], 1)
+    means = [grid.irradiance(points, normals).mean(axis=0) for grid in made]
+    assert_means(means, np.pi * series(SETTINGS.bounces))
 
 
 def test_a_turned_room_that_cuts_the_outer_cells() -> None:

@@ -37,15 +37,15 @@ def test_one_more_array_is_kept_without_a_change_here(monkeypatch: pytest.Monkey
 
     @dataclasses.dataclass(frozen=True, kw_only=True)
     class Later(IrradianceVectorGrid):
-        planes: NDArray[np.float32] = dataclasses.field(default_factory=lambda: np.zeros((0, 5), np.float32))
+        colours: NDArray[np.float32] = dataclasses.field(default_factory=lambda: np.zeros((0, 5), np.float32))
 
     monkeypatch.setattr(grid_parts, "IrradianceVectorGrid", Later)
     baked = random_grid()
     parts: dict[str, Any] = arrays(baked)
-    assert assemble(baked.lattice, baked.record, parts, "test").planes.shape == (0, 5)  # type: ignore[attr-defined]
-    planes = np.ones((2, 5), dtype=np.float32)
-    later = assemble(baked.lattice, baked.record, parts | {"planes": planes}, "test")
-    assert arrays(later)["planes"] is planes
+    assert assemble(baked.lattice, baked.record, parts, "test").colours.shape == (0, 5)  # type: ignore[attr-defined]
+    colours = np.ones((2, 5), dtype=np.float32)
+    later = assemble(baked.lattice, baked.record, parts | {"colours": colours}, "test")
+    assert arrays(later)["colours"] is colours
 
 
 @pytest.mark.parametrize(
