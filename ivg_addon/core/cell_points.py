@@ -80,11 +80,12 @@ def mean_weights(cells, lit, seed, counts, start, planes, beside, weights):
     """
     w = np.empty((3, 3))
     x = np.empty(3)
-    at_point = np.empty((3, 3, 3))
+    at_point = np.empty(27)
+    total = np.empty(27)
     for index in range(len(cells)):
         ijk = vertex_indices(cells[index], counts)
         shift = random4(seed, cells[index], STREAM_LIT_VOLUME)
-        weights[index] = 0.0
+        total[:] = 0.0
         lit_points = 0
         for point in range(lit.shape[1]):
             if not lit[index, point]:
@@ -100,36 +101,34 @@ def mean_weights(cells, lit, seed, counts, start, planes, beside, weights):
                 for b in range(3):
                     wab = w[0, a] * w[1, b]
                     for c in range(3):
-                        at_point[a, b, c] = wab * w[2, c]
+                        at_point[9 * a + 3 * b + c] = wab * w[2, c]
             if beside[index]:
                 share_among_speakers(x, ijk, counts, start, planes, at_point)
-            weights[index] += at_point
-        weights[index] /= lit_points
+            for entry in range(27):
+                total[entry] += at_point[entry]
+        for entry in range(27):
+            weights[index, entry // 9, entry // 3 % 3, entry % 3] = total[entry] / lit_points
 
 
 @merged
 def share_among_speakers(x, ijk, counts, start, planes, weights):
-    """Take the weights (3, 3, 3) at x, voxels, from the vertices around ijk that do not speak for it.
+    """Take the weights (27,) at x, voxels, from the vertices around ijk that do not speak for it.
 
     The others get them, if there are any.
     """
     total = 0.0
-    for a in range(3):
-        for b in range(3):
-            for c in range(3):
-                if weights[a, b, c] > 0.0:
-                    vertex = ((ijk[0] + a - 1) * counts[1] + ijk[1] + b - 1) * counts[2] + ijk[2] + c - 1
-                    if speaks_for(start, planes, vertex, x, NO_NORMAL):
-                        total += weights[a, b, c]
-                    else:
-                        weights[a, b, c] = -weights[a, b, c]
-    for a in range(3):
-        for b in range(3):
-            for c in range(3):
-                if total > 0.0:
-                    weights[a, b, c] = max(weights[a, b, c], 0.0) / total
-                else:
-                    weights[a, b, c] = abs(weights[a, b, c])
+    for entry in range(27):
+        if weights[entry] > 0.0:
+            i, j, k = ijk[0] + entry // 9 - 1, ijk[1] + entry // 3 % 3 - 1, ijk[2] + entry % 3 - 1
+            if speaks_for(start, planes, (i * counts[1] + j) * counts[2] + k, x, NO_NORMAL):
+                total += weights[entry]
+            else:
+                weights[entry] = -weights[entry]
+    for entry in range(27):
+        if total > 0.0:
+            weights[entry] = max(weights[entry], 0.0) / total
+        else:
+            weights[entry] = abs(weights[entry])
 
 
 @kernel

@@ -254,20 +254,19 @@ def gather(vertices, counts, seed, place, known, points, lit):
 
     Outside of the grid nothing is lit, and there are no points.
     """
-    voxel = np.empty(1, dtype=np.int64)
     for index in range(len(vertices)):
         ijk = vertex_indices(vertices[index], counts)
         for octant in range(8):
             i, j, k = ijk[0] - (octant & 1), ijk[1] - (octant >> 1 & 1), ijk[2] - (octant >> 2)
-            here = slice(octant * POINTS, (octant + 1) * POINTS)
             inside = 0 <= i < counts[0] - 1 and 0 <= j < counts[1] - 1 and 0 <= k < counts[2] - 1
-            if inside:
-                voxel[0] = (i * counts[1] + j) * counts[2] + k
-                spread_in_voxels(voxel, counts, seed, points[index : index + 1, here])
-                lit[index, here] = known[place[voxel[0]]]
-            else:
-                points[index, here] = _FAR_AWAY
-                lit[index, here] = False
+            voxel = (i * counts[1] + j) * counts[2] + k if inside else 0
+            shift = random4(seed, voxel, STREAM_PARTITION)
+            for point in range(POINTS):
+                row = octant * POINTS + point
+                lit[index, row] = inside and known[place[voxel], point]
+                points[index, row, 0] = i + sequence_point(shift, point, 0) if inside else _FAR_AWAY
+                points[index, row, 1] = j + sequence_point(shift, point, 1) if inside else _FAR_AWAY
+                points[index, row, 2] = k + sequence_point(shift, point, 2) if inside else _FAR_AWAY
 
 
 @kernel
