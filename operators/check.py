@@ -9,6 +9,7 @@ from ..ivg_addon.blender import jobs
 from ..ivg_addon.blender.asking import Asker
 from ..ivg_addon.blender.check_job import check_job
 from .job_operator import JobOperator
+from .needs_grid import poll_grid
 
 
 class IVG_OT_check(JobOperator):
@@ -22,12 +23,7 @@ class IVG_OT_check(JobOperator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Only where there is a grid."""
-        if not super().poll(context):
-            return False
-        if context.scene.ivg.grid is None:
-            cls.poll_message_set("The scene has no grid in this file")
-            return False
-        return True
+        return super().poll(context) and poll_grid(cls, context)
 
     def make_job(self, context: bpy.types.Context, run: jobs.Runner, ask: Asker) -> jobs.Job:
         """Return the check."""

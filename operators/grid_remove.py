@@ -6,6 +6,7 @@ from __future__ import annotations
 import bpy
 
 from ..ivg_addon.blender import storage
+from .needs_grid import poll_grid
 
 
 class IVG_OT_grid_remove(bpy.types.Operator):
@@ -19,10 +20,7 @@ class IVG_OT_grid_remove(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Only where there is a grid."""
-        if context.scene.ivg.grid is None:
-            cls.poll_message_set("The scene has no grid in this file")
-            return False
-        return True
+        return poll_grid(cls, context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Remove it."""

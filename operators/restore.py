@@ -7,6 +7,7 @@ import bpy
 
 from ..ivg_addon.blender import storage
 from ..ivg_addon.core.errors import IvgError
+from .needs_grid import poll_grid
 
 
 class IVG_OT_restore(bpy.types.Operator):
@@ -20,10 +21,7 @@ class IVG_OT_restore(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Only where there is a grid."""
-        if context.scene.ivg.grid is None:
-            cls.poll_message_set("The scene has no grid in this file")
-            return False
-        return True
+        return poll_grid(cls, context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Restore, and say where the volume's file is."""

@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 
 from ..core.atlas import Atlas
-from ..core.closures import Caustics, Closure
+from ..core.closures import Caustics, Closure, default_principled
 from ..core.instancing import LIGHT_PASSES
 from ..core.material_rows import (
     PROBES,
@@ -150,7 +150,7 @@ class MaterialTable:
         name = "(none)" if material is None else str(material.name)
         notes = Notes(f"material '{name}'")
         if material is None:
-            tree = SurfaceTree((default_surface(_DEFAULT_COLOUR),))
+            tree = SurfaceTree((default_principled(_DEFAULT_COLOUR),))
         elif material.node_tree is None:
             red, green, blue, _ = material.diffuse_color
             tree = SurfaceTree((Closure("DIFFUSE", {"Color": (red, green, blue), "Roughness": (0.0,)}),))
@@ -235,34 +235,6 @@ class MaterialTable:
 
 def _has_tiles(image: bpy.types.Image | None) -> bool:
     return image is not None and image.source == "TILED" and len(image.tiles) > 1
-
-
-def default_surface(colour: tuple[float, ...]) -> Closure:
-    """Return what Cycles takes where there is no material: a Principled BSDF as it is when it is added."""
-    return Closure(
-        "PRINCIPLED",
-        {
-            "Base Color": colour,
-            "Metallic": (0.0,),
-            "Roughness": (0.5,),
-            "IOR": (1.5,),
-            "Alpha": (1.0,),
-            "Diffuse Roughness": (0.0,),
-            "Specular IOR Level": (0.5,),
-            "Specular Tint": (1.0, 1.0, 1.0),
-            "Transmission Weight": (0.0,),
-            "Coat Weight": (0.0,),
-            "Coat Roughness": (0.03,),
-            "Coat IOR": (1.5,),
-            "Coat Tint": (1.0, 1.0, 1.0),
-            "Sheen Weight": (0.0,),
-            "Sheen Roughness": (0.5,),
-            "Sheen Tint": (1.0, 1.0, 1.0),
-            "Emission Color": (1.0, 1.0, 1.0),
-            "Emission Strength": (0.0,),
-        },
-        multiscatter=True,
-    )
 
 
 class _TextureList:

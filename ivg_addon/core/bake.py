@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .aim import Aim, aim_steps
 from .dual_cells import Lattice
@@ -130,39 +131,16 @@ def bake_steps(scene: Scene, settings: BakeSettings) -> Generator[Progress, None
     prepare_seconds = time.perf_counter() - start
 
     photon_share = 0.8 if _measures_lit_volume(settings) else 1.0
-    walkers = Walkers(course, lattice, settings)
-    partitions = Partitions.none(lattice.vertex_count)
-    sides_seconds = 0.0
-    scouts = 0
+    flown = yield from part(_flight_steps(scene, course, lattice, settings), 0.0, photon_share)
+    walk, partitions = flown.walk, flown.partitions
+    lit_start = time.perf_counter()
     if _measures_lit_volume(settings):
-        scouts = _scouts(settings.photons)
-        yield from part(walkers.fly_steps(0, scouts), 0.0, photon_share)
-        sides_start = time.perf_counter()
-        knowledge = _light_knowledge(scene, course, walkers.bin_counts())
-        share = photon_share * scouts / settings.photons
-        search = partition_steps(knowledge, course.walls, lattice, settings.seed, settings.threads)
-        partitions = yield from part(search, share, share)
-        sides_seconds = time.perf_counter() - sides_start
-        walkers.divide(partitions)
-    yield from part(walkers.fly_steps(scouts, settings.photons), 0.0, photon_share)
-    walk = walkers.walk()
-    lit_start = time.perf_counter() - sides_seconds
-    vectors = walk.tally.vectors(course.emission.flux_scale / settings.photons)
-    # These have not counted the scouts.
-    vectors[partitions.divided.reshape(lattice.shape)] *= settings.photons / (settings.photons - scouts)
-    if _measures_lit_volume(settings):
-        measured = lit_part_steps(
-            _light_knowledge(scene, course, walk.bin_counts),
-            lattice,
-            partitions,
-            settings.lit_points,
-            settings.seed,
-            settings.threads,
-        )
-        parts = yield from part(measured, photon_share, 1.0)
+        knowledge = light_knowledge(scene, course, walk.bin_counts)
+        which = settings.lit_points, settings.seed, settings.threads
+        parts = yield from part(lit_part_steps(knowledge, lattice, partitions, *which), photon_share, 1.0)
     else:
         parts = LitParts.whole(lattice)
-    vectors, validity = _normalise(vectors, parts.share)
+    vectors, validity = _normalise(flown.vectors, parts.share)
     grid = IrradianceVectorGrid(
         vectors=vectors.astype(np.float32),
         validity=validity,
@@ -178,11 +156,58 @@ def bake_steps(scene: Scene, settings: BakeSettings) -> Generator[Progress, None
         statistics=replace(
             statistics,
             prepare_seconds=prepare_seconds,
-            lit_seconds=time.perf_counter() - lit_start,
+            lit_seconds=time.perf_counter() - lit_start + flown.partition_seconds,
             aim=aim,
         ),
         notices=merge([*scene.notices, *_doubts(grid, walk)]),
     )
+
+
+@dataclass(frozen=True)
+class _Flown:
+    """What the photons left behind.
+
+    Parameters
+    ----------
+    walk
+        Of all photons.
+    vectors : (Ni+1, Nj+1, Nk+1, 6, 3, 3) float64
+        Means over whole dual cells, of what flew on their vertices' sides.
+    partitions
+        Those sides.
+    partition_seconds
+        What it took to find them.
+    """
+
+    walk: Walk
+    vectors: NDArray[np.float64]
+    partitions: Partitions
+    partition_seconds: float
+
+
+def _flight_steps(
+    scene: Scene, course: Course, lattice: Lattice, settings: BakeSettings
+) -> Generator[Progress, None, _Flown]:
+    """Let all photons fly; look for thin walls on the way, as soon as it is known where light is."""
+    walkers = Walkers(course, lattice, settings)
+    partitions = Partitions.none(lattice.vertex_count)
+    scouts, seconds = 0, 0.0
+    if _measures_lit_volume(settings):
+        scouts = _scouts(settings.photons)
+        yield from walkers.fly_steps(0, scouts)
+        start = time.perf_counter()
+        knowledge = light_knowledge(scene, course, walkers.bin_counts())
+        search = partition_steps(knowledge, course.walls, lattice, settings.seed, settings.threads)
+        share = scouts / settings.photons
+        partitions = yield from part(search, share, share)
+        walkers.divide(partitions)
+        seconds = time.perf_counter() - start
+    yield from walkers.fly_steps(scouts, settings.photons)
+    walk = walkers.walk()
+    vectors = walk.tally.vectors(course.emission.flux_scale / settings.photons)
+    # These have not counted the scouts.
+    vectors[partitions.divided.reshape(lattice.shape)] *= settings.photons / (settings.photons - scouts)
+    return _Flown(walk, vectors, partitions, seconds)
 
 
 def _lattice(settings: BakeSettings) -> Lattice:
@@ -221,7 +246,7 @@ def _scouts(photons: int) -> int:
     return min(max(photons // 4, BATCH), photons // 2)
 
 
-def _light_knowledge(scene: Scene, course: Course, bin_counts: Int32) -> LightKnowledge:
+def light_knowledge(scene: Scene, course: Course, bin_counts: Int32) -> LightKnowledge:
     """Gather what the photons found out about the surfaces."""
     return LightKnowledge(
         geometry=scene.geometry,
@@ -233,12 +258,15 @@ def _light_knowledge(scene: Scene, course: Course, bin_counts: Int32) -> LightKn
 
 
 def _compile_kernels(scene: Scene, course: Course, settings: BakeSettings) -> None:
-    """Run every kernel that the bake needs once, on next to nothing, so that none compiles later."""
+    """Run every kernel that the bake needs once, on next to nothing, so that none compiles later.
+
+    All but the tally's for divided vertices: most scenes have none.
+    """
     tiny = replace(settings, resolution=(1, 1, 1), photons=1, threads=1, include_direct=True)
     lattice = _lattice(tiny)
     walk = finish(walk_steps(course, lattice, tiny))
     if _measures_lit_volume(settings):
-        knowledge = _light_knowledge(scene, course, walk.bin_counts)
+        knowledge = light_knowledge(scene, course, walk.bin_counts)
         partitions = finish(partition_steps(knowledge, course.walls, lattice, 0, 1))
         finish(lit_part_steps(knowledge, lattice, partitions, 1, 0, 1))
 

@@ -123,3 +123,31 @@ class Values:
 def usable_index(ior: float) -> float:
     """Return an index of refraction with which the mean reflectance can be computed."""
     return max(ior, 1e-5)
+
+
+def default_principled(colour: tuple[float, ...]) -> Closure:
+    """Return a Principled BSDF as it is when it is added: what Cycles takes where there is no material."""
+    return Closure(
+        "PRINCIPLED",
+        {
+            "Base Color": colour,
+            "Metallic": (0.0,),
+            "Roughness": (0.5,),
+            "IOR": (1.5,),
+            "Alpha": (1.0,),
+            "Diffuse Roughness": (0.0,),
+            "Specular IOR Level": (0.5,),
+            "Specular Tint": (1.0, 1.0, 1.0),
+            "Transmission Weight": (0.0,),
+            "Coat Weight": (0.0,),
+            "Coat Roughness": (0.03,),
+            "Coat IOR": (1.5,),
+            "Coat Tint": (1.0, 1.0, 1.0),
+            "Sheen Weight": (0.0,),
+            "Sheen Roughness": (0.5,),
+            "Sheen Tint": (1.0, 1.0, 1.0),
+            "Emission Color": (1.0, 1.0, 1.0),
+            "Emission Strength": (0.0,),
+        },
+        multiscatter=True,
+    )

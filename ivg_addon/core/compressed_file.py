@@ -7,9 +7,7 @@ A zip archive of numpy arrays without pickles, as the grid's own (grid_file.py),
 from __future__ import annotations
 
 import json
-import struct
 import zipfile
-import zlib
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -20,6 +18,7 @@ from numpy.typing import NDArray
 
 from .compressed import CompressedGrid, Form
 from .errors import GridFileError
+from .grid_file import DAMAGE, MOST_HEADER_BYTES
 from .grid_parts import header, parse_header
 from .whole_file import replacing
 
@@ -28,12 +27,6 @@ VERSION = 1
 SUFFIX = ".ivg16.npz"
 
 _OTHER = "other_"
-_MOST_HEADER_BYTES = 1 << 20
-_DAMAGE = (
-    *(zipfile.BadZipFile, zlib.error, struct.error, EOFError, NotImplementedError, RuntimeError),
-    *(ValueError, OverflowError, MemoryError, KeyError, TypeError),
-)
-"""What the readers of zip archives, arrays and JSON raise on files that are not what they claim to be."""
 
 
 def save(grid: CompressedGrid, path: Path) -> None:
@@ -63,7 +56,7 @@ def load(path: Path) -> CompressedGrid:
             form, scale = Form(told["form"]), float(told["scale"])
     except FileNotFoundError as error:
         raise GridFileError(f"{path} does not exist: export it first, or name another") from error
-    except _DAMAGE as error:
+    except (*DAMAGE, KeyError, TypeError) as error:
         raise GridFileError(f"{path} is no compressed grid, or only part of one ({error}): export it again") from error
     except OSError as error:
         raise GridFileError(f"cannot read {path} ({error.strerror or error})") from error
@@ -85,7 +78,7 @@ def load(path: Path) -> CompressedGrid:
 
 def _read_header(archive: zipfile.ZipFile, path: Path) -> dict[str, Any]:
     """Return the JSON header after checking the format's name and version."""
-    if archive.getinfo("header.npy").file_size > _MOST_HEADER_BYTES:
+    if archive.getinfo("header.npy").file_size > MOST_HEADER_BYTES:
         raise GridFileError(f"{path} has a header that is too long: it is no compressed grid")
     told = json.loads(str(_read_array(archive, "header")[()]))
     if told["format"] != FORMAT:
@@ -99,7 +92,7 @@ def _read_header(archive: zipfile.ZipFile, path: Path) -> dict[str, Any]:
 
 
 def _read_array(archive: zipfile.ZipFile, name: str) -> NDArray[Any]:
-    """Return an array; raises one of `_DAMAGE` unless the file holds as much as it claims."""
+    """Return an array; raises one of `DAMAGE` unless the file holds as much as it claims."""
     entry = archive.getinfo(f"{name}.npy")
     if entry.compress_type != zipfile.ZIP_STORED:
         raise ValueError(f"array '{name}' is packed")

@@ -30,9 +30,9 @@ FORMAT = "irradiance-vector-grid"
 VERSION = 3
 SUFFIX = ".ivg.npz"
 
-_MOST_HEADER_BYTES = 1 << 20
+MOST_HEADER_BYTES = 1 << 20
 
-_DAMAGE = (
+DAMAGE = (
     *(zipfile.BadZipFile, zlib.error, struct.error, EOFError, NotImplementedError, RuntimeError),
     *(ValueError, OverflowError, MemoryError),
 )
@@ -65,7 +65,7 @@ def load(path: Path) -> IrradianceVectorGrid:
             arrays["planes"] = _read_array(archive, "planes", (count, 5), np.float32, path)
     except FileNotFoundError as error:
         raise GridFileError(f"{path} does not exist: bake it first, or name another") from error
-    except _DAMAGE as error:
+    except DAMAGE as error:
         raise GridFileError(f"{path} is not a grid file, or only part of one ({error}): bake it again") from error
     except OSError as error:
         raise GridFileError(f"cannot read {path} ({error.strerror or error})") from error
@@ -83,13 +83,13 @@ def _member(archive: zipfile.ZipFile, name: str, path: Path) -> zipfile.ZipInfo:
 def _read_header(archive: zipfile.ZipFile, path: Path) -> dict[str, Any]:
     """Return the JSON header after checking the format's name and version."""
     entry = _member(archive, "header", path)
-    if entry.file_size > _MOST_HEADER_BYTES:
+    if entry.file_size > MOST_HEADER_BYTES:
         raise GridFileError(f"{path} has a header of {entry.file_size} bytes: it is not a grid file")
     try:
         with archive.open(entry) as stream:
             header = json.loads(str(npy.read_array(stream, allow_pickle=False)[()]))
         name, version = header["format"], header["version"]
-    except (*_DAMAGE, KeyError, TypeError) as error:
+    except (*DAMAGE, KeyError, TypeError) as error:
         raise GridFileError(f"{path} has an unreadable header ({error}): bake it again") from error
     if name != FORMAT:
         raise GridFileError(f"{path} is a '{name}' file: expected '{FORMAT}'")
@@ -120,7 +120,7 @@ def _read_array(
     with archive.open(entry) as stream:
         try:
             array = npy.read_array(stream, allow_pickle=False)
-        except _DAMAGE as error:
+        except DAMAGE as error:
             raise GridFileError(f"{path}: array '{name}' is damaged ({error}): bake it again") from error
     if array.shape != shape or array.dtype != dtype:
         raise GridFileError(f"{path}: array '{name}' is {array.dtype} {array.shape}, expected {dtype} {shape}")

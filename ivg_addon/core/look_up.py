@@ -165,10 +165,10 @@ def leave_to_speakers(start, planes, g, n, vertices, weights, size):
     for entry in range(size):
         if speaks_for(start, planes, vertices[entry], g, n):
             spoken += weights[entry]
-    if spoken > 0.0:
-        for entry in range(size):
-            if not speaks_for(start, planes, vertices[entry], g, n):
-                weights[entry] = 0.0
+        else:
+            weights[entry] = -weights[entry]
+    for entry in range(size):
+        weights[entry] = max(weights[entry], 0.0) if spoken > 0.0 else abs(weights[entry])
 
 
 @merged

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .bake import prepare_course
+from .bake import light_knowledge, prepare_course
 from .compiled import kernel
 from .dual_cells import Lattice
 from .errors import SceneError
@@ -90,14 +90,7 @@ def find_light_steps(
     course = prepare_course(scene, Lattice(bounds_min, bounds_max, _PATCHES), _SCOUTS)
     settings = BakeSettings(bounds_min, bounds_max, (1, 1, 1), photons=_SCOUTS, seed=seed)
     walk = yield from walk_steps(course, Lattice(bounds_min, bounds_max, (1, 1, 1)), settings)
-    knowledge = LightKnowledge(
-        geometry=scene.geometry,
-        tracer=course.later,
-        bins=course.bins,
-        bin_counts=walk.bin_counts,
-        world_shines=scene.lights.world_shines,
-    )
-    return LitBox(scene, bounds_min, bounds_max, knowledge)
+    return LitBox(scene, bounds_min, bounds_max, light_knowledge(scene, course, walk.bin_counts))
 
 
 def free_space_points(light: LitBox, count: int, seed: int = 0) -> Places:

@@ -3,10 +3,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from ivg_addon.core.closures import Caustics, Closure, Factor, Leaf, Value
+from ivg_addon.core.closures import Caustics, Closure, Factor, Leaf, Value, default_principled
 from ivg_addon.core.principled import (
     COSINE_WEIGHTS,
     COSINES,
@@ -26,28 +28,8 @@ PLAIN = Caustics()
 
 def principled(**values: Value) -> Closure:
     """Return a Principled BSDF as it is when it is added, but for some inputs named with underscores."""
-    inputs: dict[str, Value] = {
-        "Base Color": RED,
-        "Metallic": (0.0,),
-        "Roughness": (0.5,),
-        "IOR": (1.5,),
-        "Alpha": (1.0,),
-        "Diffuse Roughness": (0.0,),
-        "Specular IOR Level": (0.5,),
-        "Specular Tint": (1.0, 1.0, 1.0),
-        "Transmission Weight": (0.0,),
-        "Coat Weight": (0.0,),
-        "Coat Roughness": (0.03,),
-        "Coat IOR": (1.5,),
-        "Coat Tint": (1.0, 1.0, 1.0),
-        "Sheen Weight": (0.0,),
-        "Sheen Roughness": (0.5,),
-        "Sheen Tint": (1.0, 1.0, 1.0),
-        "Emission Color": (1.0, 1.0, 1.0),
-        "Emission Strength": (0.0,),
-    }
-    inputs |= {name.replace("_", " "): value for name, value in values.items()}
-    return Closure("PRINCIPLED", inputs, multiscatter=True)
+    added = default_principled(RED)
+    return replace(added, inputs={**added.inputs, **{name.replace("_", " "): value for name, value in values.items()}})
 
 
 def diffuse(colour: Value, *weight: Factor, roughness: Value = (0.0,)) -> Closure:
