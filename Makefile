@@ -8,6 +8,8 @@ VENV ?= .venv
 PLATFORM ?=
 # What `make test` hands to pytest: files, folders, options; every test when not given.
 TEST ?=
+# Every test runs in several processes at once; a file's tests share scenes and stay together.
+WORKERS := --numprocesses auto --maxprocesses 4 --dist loadfile
 
 PY := $(VENV)/bin/python
 
@@ -30,7 +32,7 @@ demo: debian venv
 	$(PY) -m ivg_addon compare sample_blend/cornell.blend cornell.ivg.npz --out cornell.png
 
 test: debian debian-tests lint
-	$(PY) -m pytest $(TEST)
+	$(PY) -m pytest $(if $(TEST),$(TEST),$(WORKERS))
 
 lint: venv-dev
 	$(PY) -m ruff check

@@ -38,8 +38,10 @@ def extension() -> str:
     folder = Path(sys.prefix, "extension-under-test")
     folder.mkdir(exist_ok=True)
     link = folder / "irradiance_vector_grid"
-    link.unlink(missing_ok=True)
-    link.symlink_to(ROOT, target_is_directory=True)
+    # Several workers share the link: it is put in place in one step.
+    fresh = folder / f"link-{os.getpid()}"
+    fresh.symlink_to(ROOT, target_is_directory=True)
+    fresh.replace(link)
     bpy.context.preferences.extensions.repos.new(name="dev", module="dev", custom_directory=str(folder))
     module = "bl_ext.dev.irradiance_vector_grid"
     bpy.ops.preferences.addon_enable(module=module)
