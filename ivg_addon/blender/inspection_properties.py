@@ -163,7 +163,7 @@ class IvgInspection(bpy.types.PropertyGroup):
         ),
         "show_unlit": BoolProperty(
             name="Unlit Vertices",
-            description="Mark the vertices that no light reaches, which look-ups leave out: in magenta, through everything",
+            description="Mark in magenta, seen through everything, the vertices that no light reaches",
             default=False,
             options=set(),
         ),

@@ -17,9 +17,9 @@ from .settings import Spatial
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
 
-MOST_SAMPLES = 257
-"""Along an edge of a slice."""
 _PER_VOXEL = 4
+_SAMPLES = 128
+"""Along an edge of a slice, about; in a large grid one a voxel."""
 
 
 class Quantity(StrEnum):
@@ -54,8 +54,8 @@ class Slice:
     known: NDArray[np.bool_]
 
 
-def slice_points(lattice: Lattice, axis: int, position: float, most: int = MOST_SAMPLES) -> Float64:
-    """Return points (a, b, 3) on a plane: four a voxel, or at most `most` along an edge.
+def slice_points(lattice: Lattice, axis: int, position: float) -> Float64:
+    """Return points (a, b, 3) on a plane: at the vertices' lines, and one to four a voxel.
 
     Parameters
     ----------
@@ -66,7 +66,8 @@ def slice_points(lattice: Lattice, axis: int, position: float, most: int = MOST_
     """
     low, high = np.asarray(lattice.bounds_min), np.asarray(lattice.bounds_max)
     others = [other for other in range(3) if other != axis]
-    lines = [np.linspace(low[o], high[o], min(lattice.resolution[o] * _PER_VOXEL + 1, most)) for o in others]
+    counts = [min(_PER_VOXEL, max(1, _SAMPLES // n)) * n + 1 for n in lattice.resolution]
+    lines = [np.linspace(low[other], high[other], counts[other]) for other in others]
     points = np.empty((len(lines[0]), len(lines[1]), 3))
     points[..., axis] = low[axis] + position * (high[axis] - low[axis])
     points[..., others[0]], points[..., others[1]] = np.meshgrid(*lines, indexing="ij")

@@ -124,9 +124,7 @@ def test_without_light_or_an_intact_grid_it_says_so(extension: str, scene: bpy.t
 @pytest.mark.parametrize("look", [{}, {"false_color": True}, {"quantity": "LIT"}])
 def test_cycles_renders_it_as_bright_as_told(scene: bpy.types.Scene, tmp_path: Path, look: dict[str, Any]) -> None:
     """Without the extension: light of 1 + x/5 grows to the right, at one stop less than the mean's grey."""
-    bpy.ops.ivg.inspection_mesh(
-        kind="SLICE", slice_axis="Z", exposure=-1.0, quantity=look.pop("quantity", "PZ"), **look
-    )
+    bpy.ops.ivg.inspection_mesh(kind="SLICE", slice_axis="Z", exposure=-1.0, **({"quantity": "PZ"} | look))
     camera = bpy.data.cameras.new("Camera")
     camera.type, camera.ortho_scale = "ORTHO", 0.5
     scene.camera = add_object("Camera", camera, location=(0.5, 2.5, 9.0))
