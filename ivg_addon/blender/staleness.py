@@ -14,7 +14,7 @@ import bpy
 import numpy as np
 
 from . import grid_image
-from .inspection_mark import is_inspection
+from .inspection_mark import inspection_objects, is_inspection
 
 _LIT_TYPES = frozenset(
     {"MESH", "CURVE", "SURFACE", "FONT", "META", "CURVES", "POINTCLOUD", "LIGHT", "VOLUME", "GREASEPENCIL"}
@@ -110,8 +110,9 @@ def _contents_changed(scene: bpy.types.Scene) -> bool:
 def _inventory(scene: bpy.types.Scene) -> tuple[object, ...]:
     """Return what is in a scene and hidden from renders, but for what only shows a grid."""
     collections = scene.collection.children_recursive
-    marked = (collection for collection in collections if is_inspection(collection))
-    shows = {shown.name for collection in marked for shown in collection.objects if is_inspection(shown)}
+    # Where nothing was ever made to show a grid, as in most files, no object need be asked.
+    asked = any(is_inspection(collection) for collection in bpy.data.collections)
+    shows = {shown.name for shown in inspection_objects(scene)} if asked else set()
     hidden = np.empty(len(scene.objects), dtype=bool)
     scene.objects.foreach_get("hide_render", hidden)
     hidden = np.delete(hidden, [scene.objects.find(name) for name in shows])

@@ -172,6 +172,8 @@ def test_it_is_no_part_of_the_scene(extension: str, tmp_path: Path) -> None:
         lambda: setattr(shown, "hide_render", True),
         lambda: setattr(shown, "hide_render", False),
         lambda: shown.active_material.node_tree.nodes["Emission"].inputs["Strength"].__setattr__("default_value", 9.0),
+        lambda: scene.collection.objects.link(shown),
+        lambda: bpy.data.collections["IVG Inspection"].objects.unlink(shown),
         lambda: bpy.data.objects.remove(made_objects()["ARROWS"]),
     ):
         edit()
