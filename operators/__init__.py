@@ -37,6 +37,7 @@ def _classes() -> list[type]:
     from .dismiss_error import IVG_OT_dismiss_error
     from .export_vdb import IVG_OT_export_vdb
     from .grid_remove import IVG_OT_grid_remove
+    from .inspection_mesh import IVG_OT_inspection_mesh
     from .restore import IVG_OT_restore
 
     return [
@@ -50,5 +51,6 @@ def _classes() -> list[type]:
         IVG_OT_dismiss_error,
         IVG_OT_export_vdb,
         IVG_OT_grid_remove,
+        IVG_OT_inspection_mesh,
         IVG_OT_restore,
     ]

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import SceneError, SettingsError
 from ..core.settings import Vec3
+from .inspection_mark import is_inspection
 
 Float64 = NDArray[np.float64]
 Resolution = tuple[int, int, int]
@@ -75,7 +76,7 @@ def scene_box(depsgraph: bpy.types.Depsgraph) -> Box:
     vertices_left = EXACT_VERTICES
     for instance in depsgraph.object_instances:
         shown = instance.object
-        if shown.type not in SURFACE_TYPES or not instance.show_self or shown.hide_render:
+        if shown.type not in SURFACE_TYPES or not instance.show_self or shown.hide_render or is_inspection(shown):
             continue
         own = np.array(shown.bound_box, dtype=np.float64)
         if not np.isfinite(own).all() or not np.ptp(own, axis=0).any():

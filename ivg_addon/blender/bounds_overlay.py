@@ -18,8 +18,9 @@ from .bounds_preview import preview
 
 Float32 = NDArray[np.float32]
 
-EDGE_COLOR = (1.0, 0.62, 0.15, 0.9)
-TICK_COLOR = (1.0, 0.62, 0.15, 0.35)
+COLOR = (1.0, 0.62, 0.15)
+EDGE_ALPHA = 0.9
+TICK_ALPHA = 0.35
 EDGE_WIDTH = 1.5
 TICK_WIDTH = 1.0
 TICK_LENGTH = 0.5
@@ -66,16 +67,35 @@ def tick_lines(box: Box, resolution: Resolution) -> Float32:
     return np.concatenate(lines).astype(np.float32)
 
 
-@functools.lru_cache(maxsize=1)
-def _batches(box: Box, resolution: Resolution | None) -> list[tuple[Any, Any, Any, float]]:
-    """Return (shader, batch, colour, width) of everything that is drawn."""
+@functools.lru_cache(maxsize=4)
+def _batches(box: Box, resolution: Resolution | None) -> list[tuple[Any, Any, float, float]]:
+    """Return (shader, batch, opacity, width) of everything that is drawn."""
     shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
     edges = batch_for_shader(shader, "LINES", {"pos": edge_lines(box)})
-    drawn = [(shader, edges, EDGE_COLOR, EDGE_WIDTH)]
+    drawn = [(shader, edges, EDGE_ALPHA, EDGE_WIDTH)]
     if resolution is not None and max(resolution) > 1:
         ticks = batch_for_shader(shader, "LINES", {"pos": tick_lines(box, resolution)})
-        drawn.append((shader, ticks, TICK_COLOR, TICK_WIDTH))
+        drawn.append((shader, ticks, TICK_ALPHA, TICK_WIDTH))
     return drawn
+
+
+def draw_box(
+    box: Box, resolution: Resolution | None, color: tuple[float, float, float], pixel_size: float = 1.0
+) -> None:
+    """Draw a grid's box in the viewport that is being drawn."""
+    viewport = gpu.state.viewport_get()
+    gpu.state.blend_set("ALPHA")
+    gpu.state.depth_test_set("LESS_EQUAL")
+    try:
+        for shader, batch, alpha, width in _batches(box, resolution):
+            shader.bind()
+            shader.uniform_float("viewportSize", viewport[2:])
+            shader.uniform_float("lineWidth", width * pixel_size)
+            shader.uniform_float("color", (*color, alpha))
+            batch.draw(shader)
+    finally:
+        gpu.state.depth_test_set("NONE")
+        gpu.state.blend_set("NONE")
 
 
 def _draw() -> None:
@@ -84,21 +104,8 @@ def _draw() -> None:
     if not (context.scene.ivg.show_bounds and context.space_data.overlay.show_overlays):
         return
     found = preview(context)
-    if found.box is None:
-        return
-    viewport = gpu.state.viewport_get()
-    gpu.state.blend_set("ALPHA")
-    gpu.state.depth_test_set("LESS_EQUAL")
-    try:
-        for shader, batch, color, width in _batches(found.box, found.resolution):
-            shader.bind()
-            shader.uniform_float("viewportSize", viewport[2:])
-            shader.uniform_float("lineWidth", width * context.preferences.system.pixel_size)
-            shader.uniform_float("color", color)
-            batch.draw(shader)
-    finally:
-        gpu.state.depth_test_set("NONE")
-        gpu.state.blend_set("NONE")
+    if found.box is not None:
+        draw_box(found.box, found.resolution, COLOR, context.preferences.system.pixel_size)
 
 
 def register() -> None:

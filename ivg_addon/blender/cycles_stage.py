@@ -15,6 +15,7 @@ from typing import Any
 import bpy
 
 from ..core.errors import SceneError
+from .inspection_mark import inspection_objects
 
 Settings = Mapping[tuple[bpy.types.bpy_struct, str], Any]
 """Values by the Blender data that has them and the name of the property."""
@@ -97,9 +98,9 @@ def truthful(
 
     Off is what trades truth for less noise (clamping, denoising, adaptive sampling, filtered glossy, fast global
     illumination), what scales the result (film exposure), and what a grid knows nothing of (motion blur, further view
-    layers). A path has at most `bounces` bounces in all and as many diffuse ones, as a photon's path has. Limits of
-    other bounces, caustics, light tree, path guiding and the device stay as the user has them: the light that glass and
-    metal pass on belongs to the truth, whether the bake knows of it or not.
+    layers, objects that only show a grid). A path has at most `bounces` bounces in all and as many diffuse ones, as a
+    photon's path has. Limits of other bounces, caustics, light tree, path guiding and the device stay as the user has
+    them: the light that glass and metal pass on belongs to the truth, whether the bake knows of it or not.
     """
     cycles, render = scene.cycles, scene.render
     other_layers = {(layer, "use"): layer.name == view_layer.name for layer in scene.view_layers}
@@ -120,6 +121,7 @@ def truthful(
         **{(cycles, f"use_{feature}"): False for feature in _BIASED},
         **{(render, f"use_{feature}"): False for feature in _UNKNOWN_TO_GRIDS},
         **other_layers,
+        **{(shown, "hide_render"): True for shown in inspection_objects(scene)},
     }
 
 

@@ -26,6 +26,7 @@ from .evaluation_data import ObjectLook, SurfaceData, object_look
 from .export_materials import MaterialTable
 from .export_needs import Needs
 from .export_strands import hair_systems, read_curves, read_hair, read_points
+from .inspection_mark import is_inspection
 
 _UNREAD = {
     "VOLUME": "volumes are not baked",
@@ -153,9 +154,9 @@ class GeometryReader:
         owner: bpy.types.Object,
         seers: list[bpy.types.Object],
     ) -> list[_Part]:
-        """Return what an object consists of, unless no ray sees it."""
+        """Return what an object consists of, unless no ray sees it or it only shows a grid."""
         subject = f"object '{owner.name}'"
-        if not _visible_at_all(seers):
+        if not _visible_at_all(seers) or is_inspection(shown):
             return []
         parts = []
         if instance.show_particles and self._shows_hair and shown.type == "MESH":

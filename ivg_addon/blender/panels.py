@@ -311,6 +311,7 @@ class IVG_MT_main(bpy.types.Menu):
         layout.operator("ivg.check", icon="CHECKMARK")
         layout.separator()
         layout.operator("ivg.export_vdb", icon="EXPORT")
+        layout.operator_menu_enum("ivg.inspection_mesh", "kind", icon="MESH_UVSPHERE")
         layout.operator("ivg.restore", icon="FILE_REFRESH")
         layout.operator("ivg.grid_remove", icon="TRASH")
         layout.separator()

@@ -25,6 +25,7 @@ from bpy.props import (
 )
 
 from .grid_image import is_grid
+from .inspection_properties import IvgInspection
 
 BOUNDS_MODES = (
     ("SCENE", "Scene", "Smallest box around everything that is rendered", "SCENE_DATA", 0),
@@ -324,13 +325,14 @@ class IvgSettings(bpy.types.PropertyGroup):
                 default=False,
                 options={"HIDDEN"},
             ),
+            "inspection": PointerProperty(type=IvgInspection),
             "last_bake": PointerProperty(type=IvgOutcome),
             "last_compare": PointerProperty(type=IvgOutcome),
         }
     )
 
 
-_CLASSES = (IvgRow, IvgNotice, IvgOutcome, IvgSettings)
+_CLASSES = (IvgRow, IvgNotice, IvgOutcome, IvgInspection, IvgSettings)
 
 
 def register() -> None:

@@ -8,7 +8,18 @@ from contextlib import ExitStack
 
 import bpy
 
-from . import bounds_overlay, bounds_preview, grid_panel, grid_volume, jobs, panels, properties, staleness
+from . import (
+    bounds_overlay,
+    bounds_preview,
+    grid_panel,
+    grid_volume,
+    inspection_overlay,
+    inspection_panel,
+    jobs,
+    panels,
+    properties,
+    staleness,
+)
 
 _undo = ExitStack()
 """What `unregister` does, the last first."""
@@ -20,7 +31,7 @@ def register() -> None:
         properties.register()
         done.callback(properties.unregister)
         # Panels stand in the order in which they are registered.
-        for cls in (panels.IVG_PT_main, *grid_panel.CLASSES, *panels.CLASSES):
+        for cls in (panels.IVG_PT_main, *grid_panel.CLASSES, *inspection_panel.CLASSES, *panels.CLASSES):
             bpy.utils.register_class(cls)
             done.callback(bpy.utils.unregister_class, cls)
         bpy.types.TOPBAR_MT_render.append(panels.draw_menu)
@@ -29,6 +40,8 @@ def register() -> None:
         done.callback(bounds_preview.unregister)
         bounds_overlay.register()
         done.callback(bounds_overlay.unregister)
+        inspection_overlay.register()
+        done.callback(inspection_overlay.unregister)
         for name, handler in _HANDLERS.items():
             handlers = getattr(bpy.app.handlers, name)
             handlers.append(handler)
@@ -60,6 +73,7 @@ def _before_load(*_: object) -> None:
     """Another file comes: nothing that is under way belongs to it."""
     jobs.cancel_current()
     jobs.forget_error()
+    inspection_overlay.forget()
 
 
 @bpy.app.handlers.persistent

@@ -14,6 +14,7 @@ import bpy
 import numpy as np
 
 from . import grid_image
+from .inspection_mark import inspection_objects, is_inspection
 
 _LIT_TYPES = frozenset(
     {"MESH", "CURVE", "SURFACE", "FONT", "META", "CURVES", "POINTCLOUD", "LIGHT", "VOLUME", "GREASEPENCIL"}
@@ -88,6 +89,8 @@ def _matters(update: bpy.types.DepsgraphUpdate, rebuilt: bool) -> bool:
     Where Blender has `rebuilt` the relations between datablocks, it calls the shading of every object updated.
     """
     changed = update.id
+    if is_inspection(changed):
+        return False
     if isinstance(changed, bpy.types.Object):
         told = update.is_updated_geometry or update.is_updated_transform or (update.is_updated_shading and not rebuilt)
         return told and (changed.type in _LIT_TYPES or changed.instance_type != "NONE")
@@ -105,12 +108,18 @@ def _contents_changed(scene: bpy.types.Scene) -> bool:
 
 
 def _inventory(scene: bpy.types.Scene) -> tuple[object, ...]:
+    """Return what is in a scene and hidden from renders, but for what only shows a grid."""
+    collections = scene.collection.children_recursive
+    # Where nothing was ever made to show a grid, as in most files, no object need be asked.
+    asked = any(is_inspection(collection) for collection in bpy.data.collections)
+    shows = {shown.name for shown in inspection_objects(scene)} if asked else set()
     hidden = np.empty(len(scene.objects), dtype=bool)
     scene.objects.foreach_get("hide_render", hidden)
+    hidden = np.delete(hidden, [scene.objects.find(name) for name in shows])
     return (
         np.packbits(hidden).tobytes(),
         len(hidden),
-        tuple(collection.hide_render for collection in scene.collection.children_recursive),
-        tuple(len(layer.objects) for layer in scene.view_layers),
+        tuple(collection.hide_render for collection in collections if not is_inspection(collection)),
+        tuple(len(layer.objects) - sum(name in layer.objects for name in shows) for layer in scene.view_layers),
         scene.world.session_uid if scene.world else 0,
     )

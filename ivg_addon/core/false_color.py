@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Signed differences as colours: what is too bright glows orange, what is too dark blue."""
+"""Numbers as colours: signed differences (too bright glows orange, too dark blue), and amounts from dark to bright."""
 
 from __future__ import annotations
 
@@ -20,6 +20,15 @@ _COLORS = (
     (1.00, 0.85, 0.55),
 )
 
+_LIGHT_STOPS = (0.0, 0.25, 0.5, 0.75, 1.0)
+_LIGHT_COLORS = (
+    (0.00, 0.00, 0.01),
+    (0.34, 0.06, 0.43),
+    (0.74, 0.22, 0.33),
+    (0.98, 0.56, 0.04),
+    (0.99, 1.00, 0.65),
+)
+
 
 def luminance(rgb: ArrayLike) -> Float64:
     """Return the luminance (…) of linear RGB (…, 3), Rec. 709."""
@@ -30,6 +39,18 @@ def difference_colors(values: ArrayLike) -> Float64:
     """Return display colours (…, 3) in [0, 1] of values (…) in [−1, 1]; beyond, the last colour."""
     v = np.clip(np.asarray(values, dtype=np.float64), -1.0, 1.0)
     return np.stack([np.interp(v, _STOPS, channel) for channel in zip(*_COLORS, strict=True)], axis=-1)
+
+
+def light_colors(values: ArrayLike) -> Float64:
+    """Return display colours (…, 3) in [0, 1] of amounts (…) in [0, 1]; more is lighter, beyond is the last colour."""
+    v = np.clip(np.asarray(values, dtype=np.float64), 0.0, 1.0)
+    return np.stack([np.interp(v, _LIGHT_STOPS, channel) for channel in zip(*_LIGHT_COLORS, strict=True)], axis=-1)
+
+
+def linear(colors: ArrayLike) -> Float64:
+    """Return the light of display colours: sRGB decoded (IEC 61966-2-1)."""
+    c = np.asarray(colors, dtype=np.float64)
+    return np.where(c <= 0.04045, c / 12.92, ((np.maximum(c, 0.04045) + 0.055) / 1.055) ** 2.4)
 
 
 def round_scale(values: ArrayLike) -> float:

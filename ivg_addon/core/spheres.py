@@ -73,9 +73,7 @@ def polyhedron(faces: int) -> MeshData:
         triangles = 3 * signs + np.arange(3)
         triangles[signs.sum(axis=1) % 2 == 1] = triangles[signs.sum(axis=1) % 2 == 1][:, [0, 2, 1]]
     else:
-        directions, triangles = _icosahedron()
-        for _ in range(_FACES.index(faces) - 1):
-            directions, triangles = _halved(directions, triangles)
+        directions, triangles = icosphere(_FACES.index(faces) - 1)
     corners = directions[triangles]
     area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum()
     return MeshData(
@@ -83,6 +81,14 @@ def polyhedron(faces: int) -> MeshData:
         corner_vertex=np.arange(len(directions), dtype=np.int32),
         triangle_corners=np.ascontiguousarray(triangles, dtype=np.int32),
     )
+
+
+def icosphere(halvings: int) -> tuple[Float64, NDArray[np.int64]]:
+    """Return unit vertices (v, 3) and faces (20 · 4^halvings, 3), counter-clockwise from outside."""
+    directions, triangles = _icosahedron()
+    for _ in range(halvings):
+        directions, triangles = _halved(directions, triangles)
+    return directions, triangles
 
 
 def _icosahedron() -> tuple[Float64, NDArray[np.int64]]:

@@ -14,7 +14,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 OPERATORS = {
     *("bake", "bounds_add", "cancel", "check", "clear", "compare", "copy_summary", "dismiss_error"),
-    *("export_vdb", "grid_remove", "restore"),
+    *("export_vdb", "grid_remove", "inspection_mesh", "restore"),
 }
 HANDLERS = (
     *("load_pre", "load_post", "undo_pre", "undo_post", "redo_pre", "redo_post"),

@@ -1,12 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Maps of differences."""
+"""Colours of numbers, and maps of differences."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from ivg_addon.core.false_color import difference_colors, local_mean, luminance, round_scale
+from ivg_addon.core.false_color import (
+    difference_colors,
+    light_colors,
+    linear,
+    local_mean,
+    luminance,
+    round_scale,
+)
 
 
 def test_the_sign_shows_as_a_hue_and_the_size_as_brightness() -> None:
@@ -42,3 +49,14 @@ def test_local_means_do_not_reach_over_what_is_masked() -> None:
     mask = (np.arange(20) < 10) * np.ones((20, 1))
     np.testing.assert_allclose(local_mean(values, mask, 5)[:, :10], 1.0)
     np.testing.assert_array_equal(local_mean(values, mask, 5)[:, 16:], 0.0)
+
+
+def test_more_light_is_lighter() -> None:
+    light = luminance(linear(light_colors(np.linspace(0.0, 1.0, 101))))
+    assert (np.diff(light) > 0.0).all()
+    assert light[0] < 0.001
+    np.testing.assert_array_equal(light_colors([-1.0, 2.0]), light_colors([0.0, 1.0]))
+
+
+def test_display_colours_are_decoded_as_the_standard_says() -> None:
+    np.testing.assert_allclose(linear([0.0, 0.04045, 0.5, 1.0]), [0.0, 0.0031308, 0.214041, 1.0], rtol=1e-5)
