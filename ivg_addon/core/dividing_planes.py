@@ -15,10 +15,12 @@ _MOSTLY_LIT = 0.5
 """Of the points of a vertex's dual cell on the side that it lies on; with fewer lit ones it may lie in a solid."""
 _LEAST_SHARE = 2.0
 """Of the other side's weight in the interpolation from a vertex that may lie in a solid, that its own must have."""
-_LEAST_BLOCKED = 0.5
-"""Of the ways through a plane, for it to divide."""
-_LEAST_WAYS = 4
-"""Blocked ones, likewise: a single one may be a rounding error at an edge."""
+_LEAST_BLOCKED = 1.0 / 3.0
+"""Of the ways through a plane, for it to divide. Around a vertex at its border a sheet covers half of its plane."""
+_PRICE = _LEAST_BLOCKED / (1.0 - _LEAST_BLOCKED)
+"""Of a free way in blocked ones."""
+_LEAST_WAYS = 8
+"""Blocked ones, likewise: few may be chance."""
 _MOST_CANDIDATES = 48
 _SAME_WAY = 0.7
 """Cosine between normals up to which a surface is the one that a plane stands for."""
@@ -90,7 +92,7 @@ def candidate(way, first, last, offset, own, ends, blocked, normals, met):
 
 @inlined
 def worth(first, last, offset, own, ends, blocked, places, normal, d):
-    """Return how many more of the ways through a plane are blocked than free, 0 if it does not divide well."""
+    """Return how many ways through a plane are blocked, less the price of the free ones; 0 if it does not divide."""
     through, free = 0, 0
     for way in range(first, last):
         a, b = ends[way, 0], ends[way, 1]
@@ -102,9 +104,9 @@ def worth(first, last, offset, own, ends, blocked, places, normal, d):
                     through += 1
                 else:
                     free += 1
-    if through < _LEAST_WAYS or through < _LEAST_BLOCKED * (through + free):
+    if through < _LEAST_WAYS or through < _PRICE * free:
         return 0.0
-    return through - free + 1.0
+    return through - _PRICE * free + 1.0
 
 
 @inlined

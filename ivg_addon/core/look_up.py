@@ -19,7 +19,7 @@ from .dual_cells import Lattice
 from .partitions import Partitions
 from .reconstruction import DIRECTIONAL_CODES, directional_coefficients
 from .settings import Directional, Spatial
-from .sides import side_distance, speaks_for
+from .sides import hears, speaks_for
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
@@ -149,7 +149,7 @@ def step_back(validity, start, planes, g, n, counts, vertices, weights, size):
         elif weights[entry] > most:
             most = weights[entry]
             wall = start[vertices[entry]]
-            while side_distance(planes, wall, g[0], g[1], g[2]) >= 0.0 and wall + 1 < start[vertices[entry] + 1]:
+            while hears(planes, wall, g, n) and wall + 1 < start[vertices[entry] + 1]:
                 wall += 1
     moves = wall >= 0 and spoken < _LEAST_SPOKEN * total
     if moves:

@@ -144,6 +144,21 @@ def test_a_wall_belongs_to_the_side_that_its_normal_points_to(height: float, x: 
         np.testing.assert_allclose(at_wall, open_air, rtol=1e-5)
 
 
+def test_a_wall_on_a_floor_does_not_send_the_look_up_through_the_floor() -> None:
+    """A point of the floor a hair below its plane, where all vertices above speak for what is beyond a wall."""
+    floor = step_grid(2.0, 1.0, 100.0)
+    planes = floor.partitions.planes.reshape(*CUBE.shape, 5)
+    number = np.ones(CUBE.shape, dtype=np.int64)
+    number[2:, :, 2:] = 2
+    rows = [[plane, [1.0, 0.0, 0.0, 2.5, 1e-3]][:n] for plane, n in zip(planes.reshape(-1, 5), number.flat, strict=True)]
+    start = np.concatenate([[0], np.cumsum(number)]).astype(np.int32)
+    both = Partitions(start, np.array([plane for row in rows for plane in row], dtype=np.float32))
+    values = np.where(np.arange(CUBE.shape[2]) >= 2, 100.0, 1.0)
+    made = grid(spread(np.broadcast_to(values, CUBE.shape)), floor.validity, CUBE, own_weights(CUBE), both)
+    on_floor, in_the_open = made.irradiance([(0.15, 0.1, -5e-5), (-0.9, 0.1, 0.9)], [(0, 0, 1)] * 2)
+    np.testing.assert_allclose(on_floor, in_the_open, rtol=1e-5)
+
+
 def test_where_nobody_speaks_everybody_is_heard() -> None:
     """Better the light of the next room than none."""
     nowhere = one_plane_each(CUBE, np.array([1.0, 0.0, 0.0, 1e6, 0.0]))
