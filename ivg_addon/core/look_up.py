@@ -27,7 +27,7 @@ Float64 = NDArray[np.float64]
 CHUNK = 32_768
 """Points that a thread looks up at a time."""
 
-_BEHIND = 0.02
+BEHIND = 0.02
 """What remains of the weight of a vertex right behind a surface, so that weights never vanish."""
 
 
@@ -116,7 +116,7 @@ def lean(validity, g, n, support, base, proximity, vertices, weights):
             for c in range(support):
                 ahead = (base[0] + a - g[0]) * n[0] + (base[1] + b - g[1]) * n[1] + (base[2] + c - g[2]) * n[2]
                 if validity[vertices[entry]] > 0.0:
-                    weights[entry] *= ((1.0 + min(max(ahead, -1.0), 1.0)) / 2.0 + _BEHIND) ** proximity
+                    weights[entry] *= ((1.0 + min(max(ahead, -1.0), 1.0)) / 2.0 + BEHIND) ** proximity
                 else:
                     weights[entry] = 0.0
                 entry += 1
@@ -198,10 +198,11 @@ def unit(x, y, z):
 
 @kernel
 def look_up(
-    points, normals, vectors, validity, start, planes, low, voxel, counts, spatial_support, directional, bias, out
+    points, normals, facing, vectors, validity, start, planes, low, voxel, counts, spatial_support, directional, bias, out
 ):
     """Fill out (n, 3) with E(p, n) of n points and normals, both (n, 3) float64.
 
+    Where the look-up is made, and which vertices see the point, is told by the surface's own normals `facing` (n, 3).
     Beside vertices with planes the interpolation is trilinear: wider ones reach vertices behind the wall.
 
     vectors : (vertices, 54) float32, validity : (vertices,) float32
@@ -218,7 +219,7 @@ def look_up(
     blended = np.empty(54, dtype=np.float32)
     some_divided = len(planes) > 0
     for q in range(len(points)):
-        n = unit(normals[q, 0], normals[q, 1], normals[q, 2])
+        n = unit(facing[q, 0], facing[q, 1], facing[q, 2])
         for axis in range(3):
             position = (points[q, axis] - low[axis]) / voxel[axis]
             g[axis] = min(max(position, 0.0), counts[axis] - 1.0)
@@ -251,7 +252,7 @@ def look_up(
         if divided:
             leave_to_speakers(start, planes, here, n, vertices, weights, support * support * support)
         total = blend(vectors, vertices, weights, support * support * support, blended)
-        directional_coefficients(directional, n, c)
+        directional_coefficients(directional, unit(normals[q, 0], normals[q, 1], normals[q, 2]), c)
         for channel in range(3):
             e = 0.0
             for hemisphere in range(6):
@@ -272,8 +273,16 @@ def irradiance(
     spatial: Spatial,
     directional: Directional,
     normal_bias: float,
+    facing: Float64 | None = None,
 ) -> Float32:
-    """Return E (n, 3) float32 W/m² at points with unit normals, (n, 3) float64; several threads."""
+    """Return E (n, 3) float32 W/m² at points with normals, (n, 3) float64; several threads.
+
+    Parameters
+    ----------
+    facing : (n, 3) float64, optional
+        The surface's own normals where `normals` are those of bumps on it.
+    """
+    own = normals if facing is None else facing
     out = np.empty((len(points), 3), dtype=np.float32)
     grid = (
         vectors.reshape(-1, 54),
@@ -290,7 +299,7 @@ def irradiance(
 
     def chunk(start: int) -> None:
         part = slice(start, start + CHUNK)
-        look_up(points[part], normals[part], *grid, out[part])
+        look_up(points[part], normals[part], own[part], *grid, out[part])
 
     starts = range(0, len(points), CHUNK)
     if len(starts) < 2:

@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A scene that shows by how much the node group is off from the Python look-up, a pixel for each point.
+
+At each point stands a small square that faces along its normal, on the ray through the middle of a pixel of an
+orthographic camera. It shines with the difference between what the group finds, in the renderer, and what Python finds
+at its corners: so nothing is lost where a renderer's pictures are half floats.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ivg_addon.blender.irradiance_nodes import irradiance_group
+from ivg_addon.core.exr import read_exr
+from ivg_addon.core.grid import DEFAULT_NORMAL_BIAS, IrradianceVectorGrid
+from ivg_addon.core.look_up import irradiance
+from ivg_addon.core.settings import Directional, Spatial
+
+Float64 = NDArray[np.float64]
+
+VIEWS = np.array([(0.48, 0.6, 0.64), (-0.48, -0.6, -0.64)])
+"""Ways to the camera, unit vectors along which no grid lies: every normal faces one or the other."""
+_SQUARE = 0.2
+"""Edge of a square, pixels."""
+_LEAST_COSINE = 0.3
+"""Between a square's normal and the way to the camera."""
+
+
+@dataclass(frozen=True)
+class Squares:
+    """What a camera sees.
+
+    Parameters
+    ----------
+    view : (3,) float64
+        The way to the camera.
+    low, size
+        The picture's lower left corner along its right and up (`_axes`), and its edge, metres.
+    side
+        The picture's edge, pixels.
+    pixels : (n,) int64
+        Those in which a square is seen, row after row from below.
+    points, facing, normals : (n, 3) float64
+        The squares' middles, where they face, and the normals of the bumps on them.
+    corners : (n, 4, 3) float64
+    """
+
+    view: Float64
+    low: Float64
+    size: float
+    side: int
+    pixels: NDArray[np.int64]
+    points: Float64
+    facing: Float64
+    normals: Float64
+    corners: Float64
+
+
+def squares(view: Float64, points: Float64, facing: Float64, normals: Float64, side: int = 128) -> Squares:
+    """Return squares at those points that the camera can see, one in a pixel, moved to the pixel's middle."""
+    right, up = _axes(view)
+    plane = np.stack([points @ right, points @ up], axis=-1)
+    low = plane.min(axis=0)
+    size = float((plane.max(axis=0) - low).max())
+    pixel = np.floor((plane - low) / size * side).clip(0, side - 1)
+    offset = low + (pixel + 0.5) * size / side - plane
+    middles = points + offset[:, :1] * right + offset[:, 1:] * up
+    number = (pixel[:, 1] * side + pixel[:, 0]).astype(np.int64)
+    seen = np.flatnonzero(facing @ view >= _LEAST_COSINE)
+    seen = seen[np.unique(number[seen], return_index=True)[1]]
+    tangent = np.cross(facing, np.eye(3)[np.abs(facing).argmin(axis=1)])
+    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+    bitangent = np.cross(facing, tangent)
+    half = 0.5 * _SQUARE * size / side
+    ways = [half * (a * tangent + b * bitangent) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    corners = middles[:, None] + np.stack(ways, axis=1)
+    return Squares(view, low, size, side, number[seen], middles[seen], facing[seen], normals[seen], corners[seen])
+
+
+def _axes(view: Float64) -> tuple[Float64, Float64]:
+    """Return the picture's right and up."""
+    right = np.cross((0.0, 0.0, 1.0), view)
+    right /= np.linalg.norm(right)
+    return right, np.cross(view, right)
+
+
+def expected(grid: IrradianceVectorGrid, spatial: Spatial, what: Squares) -> Float64:
+    """Return what Python finds at the squares' corners, (n, 4, 3)."""
+    corner = what.corners.reshape(-1, 3)
+    normals, facing = (np.ascontiguousarray(n.repeat(4, axis=0)) for n in (what.normals, what.facing))
+    values = grid.interpolated(spatial), grid.validity, grid.partitions, grid.lattice
+    way = spatial, Directional.LEAST_SQUARES, DEFAULT_NORMAL_BIAS
+    return irradiance(*values, corner, normals, *way, facing=facing).reshape(-1, 4, 3).astype(np.float64)
+
+
+def build(image: bpy.types.Image, what: Squares, wanted: Float64, bumps: bool, scale: float) -> None:
+    """Fill the current, empty scene; pixels will be the difference to `wanted` (n, 4, 3), times `scale`, plus one.
+
+    Parameters
+    ----------
+    bumps
+        Whether the normals of bumps go into the group; otherwise it takes the squares' own.
+    """
+    mesh = bpy.data.meshes.new("Squares")
+    mesh.from_pydata(what.corners.reshape(-1, 3).tolist(), [], np.arange(4 * len(wanted)).reshape(-1, 4).tolist())
+    for name, values in (("wanted", wanted.reshape(-1, 3)), ("bump", what.normals.repeat(4, axis=0))):
+        attribute = mesh.attributes.new(name, "FLOAT_VECTOR", "CORNER")
+        attribute.data.foreach_set("vector", values.astype(np.float32).reshape(-1))
+    material = bpy.data.materials.new("Squares")
+    _fill_material(material.node_tree, image, bumps, scale)
+    mesh.materials.append(material)
+    scene = bpy.context.scene
+    scene.collection.objects.link(bpy.data.objects.new("Squares", mesh))
+    _add_camera(scene, what)
+    scene.render.engine = "CYCLES"
+    scene.cycles.samples = scene.eevee.taa_render_samples = 1
+    scene.cycles.use_adaptive_sampling = scene.cycles.use_denoising = False
+    scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BOX", 0.01
+    scene.render.filter_size = 0.01
+    scene.render.resolution_x = scene.render.resolution_y = what.side
+    scene.view_settings.view_transform = "Raw"
+    scene.render.image_settings.file_format = "OPEN_EXR"
+    scene.render.image_settings.color_depth = "32"
+
+
+def _fill_material(tree: bpy.types.NodeTree, image: bpy.types.Image, bumps: bool, scale: float) -> None:
+    tree.nodes.clear()
+    group = tree.nodes.new("ShaderNodeGroup")
+    group.node_tree = irradiance_group(image)
+    if bumps:
+        tree.links.new(_attribute(tree, "bump"), group.inputs["Normal"])
+    off = tree.nodes.new("ShaderNodeVectorMath")
+    off.operation = "SUBTRACT"
+    tree.links.new(group.outputs["Irradiance"], off.inputs[0])
+    tree.links.new(_attribute(tree, "wanted"), off.inputs[1])
+    large = tree.nodes.new("ShaderNodeVectorMath")
+    large.operation = "MULTIPLY_ADD"
+    tree.links.new(off.outputs[0], large.inputs[0])
+    large.inputs[1].default_value = (scale,) * 3
+    # Light that is negative might be cut off.
+    large.inputs[2].default_value = (1.0,) * 3
+    emission = tree.nodes.new("ShaderNodeEmission")
+    tree.links.new(large.outputs[0], emission.inputs["Color"])
+    tree.links.new(emission.outputs[0], tree.nodes.new("ShaderNodeOutputMaterial").inputs["Surface"])
+
+
+def _attribute(tree: bpy.types.NodeTree, name: str) -> bpy.types.NodeSocket:
+    node = tree.nodes.new("ShaderNodeAttribute")
+    node.attribute_name = name
+    return node.outputs["Vector"]
+
+
+def _add_camera(scene: bpy.types.Scene, what: Squares) -> None:
+    camera = bpy.data.cameras.new("Camera")
+    camera.type, camera.ortho_scale = "ORTHO", what.size
+    right, up = _axes(what.view)
+    middle = (what.low[0] + what.size / 2.0) * right + (what.low[1] + what.size / 2.0) * up
+    depth = what.corners @ what.view
+    camera.clip_start, camera.clip_end = 0.1, float(depth.max() - depth.min()) + 2.0
+    at = middle + (float(depth.max()) + 1.0) * what.view
+    made = bpy.data.objects.new("Camera", camera)
+    placing = np.eye(4)
+    placing[:3] = np.column_stack([right, up, what.view, at])
+    made.matrix_world = placing.T.tolist()
+    scene.collection.objects.link(made)
+    scene.camera = made
+
+
+def render(what: Squares, scale: float, path: Path) -> Float64:
+    """Render the current scene; return by how much the group is off at the squares, (n, 3)."""
+    bpy.context.scene.render.filepath = str(path)
+    bpy.ops.render.render(write_still=True)
+    channels = read_exr(path)
+    pixels = np.stack([channels[name] for name in "RGB"], axis=-1).reshape(-1, 3)[what.pixels]
+    return np.asarray((pixels.astype(np.float64) - 1.0) / scale)

@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The node group that looks a stored grid up where a surface is shaded: "IVG Irradiance".
+
+The group does what `core/look_up.py` does, by the same formulas, with nothing but ordinary nodes: it works without this
+program, appended and linked, in Cycles and in EEVEE. It reads the grid's image (docs/file-format.md, "The image").
+
+Its output is E in W/m²: a diffuse surface of albedo ρ sends on ρ/π E. Its input is the normal that receives the light,
+to which bump and normal maps go; where nothing is connected it is the surface's own. Which vertices see the place, and
+how far the look-up moves off it, is a matter of the wall and not of the bumps on it: for that the group takes the
+surface's own normal in any case. So a map of bumps changes where light is received from, as it does for any lamp.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from ..core.dual_cells import Lattice
+from ..core.errors import GridFileError
+from ..core.settings import Spatial
+from . import grid_image, irradiance_formula
+from .grid_image import KEY, named
+
+NAME = "IVG Irradiance"
+FORMAT = "irradiance-vector-grid-nodes"
+VERSION = 1
+"""Of the nodes; those of an older version are made anew."""
+
+
+def irradiance_group(image: bpy.types.Image) -> bpy.types.ShaderNodeTree:
+    """Return the node group of a stored grid: the one that the file has, brought up to date, or a new one.
+
+    Parameters
+    ----------
+    image
+        The grid's; a linked one serves too.
+
+    Raises
+    ------
+    GridFileError
+        The image holds no grid or was changed by hand; or the group was made by a newer version, or is linked and not
+        up to date.
+    """
+    wrong = grid_image.problem(image)
+    if wrong:
+        raise GridFileError(wrong)
+    stored = image[KEY]
+    if stored["spatial"] != Spatial.TRILINEAR:
+        raise GridFileError(f"{named(image)} is for tricubic look-ups, which the node group does not have: bake it anew")
+    group = find(image)
+    if group is None:
+        group = bpy.data.node_groups.new(_free_name(image), "ShaderNodeTree")
+    elif group[KEY]["version"] > VERSION:
+        raise GridFileError(
+            f"node group '{group.name}' was made by a newer Irradiance Vector Grid (version {group[KEY]['version']}, "
+            f"this one has {VERSION}): update the extension, or remove the group"
+        )
+    about = _about(image)
+    if group.get(KEY) is None or group[KEY].to_dict() != about:
+        if group.library:
+            raise GridFileError(
+                f"node group '{group.name}' is not up to date: open {group.library.filepath}, and choose the grid there"
+            )
+        _fill(group, image)
+        group[KEY] = about
+    return group
+
+
+def find(image: bpy.types.Image) -> bpy.types.ShaderNodeTree | None:
+    """Return the node group of a grid, of whatever version, if the file has one."""
+    return next((group for group in bpy.data.node_groups if grid_of(group) == image), None)
+
+
+def grid_of(group: bpy.types.NodeTree) -> bpy.types.Image | None:
+    """Return the image of the grid that a node group looks up; None if it is no such group."""
+    stored = group.get(KEY)
+    if not hasattr(stored, "get") or stored.get("format") != FORMAT:
+        return None
+    return stored.get("image")
+
+
+def _about(image: bpy.types.Image) -> dict[str, Any]:
+    """Return what a group says about itself: all that its nodes follow from."""
+    stored = image[KEY]
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "image": image,
+        "grid_digest": stored["grid_digest"],
+        "layout": {name: list(stored[name]) for name in ("bounds_min", "bounds_max", "resolution", "size")}
+        | {"across": stored["across"], "spatial": stored["spatial"]},
+    }
+
+
+def _fill(group: bpy.types.ShaderNodeTree, image: bpy.types.Image) -> None:
+    """Make a group's nodes anew; what uses it stays linked to it."""
+    stored = image[KEY]
+    lattice = Lattice(tuple(stored["bounds_min"]), tuple(stored["bounds_max"]), tuple(stored["resolution"]))
+    reading = irradiance_formula.Reading(image, lattice, stored["across"])
+    parts = {node.node_tree for node in group.nodes if node.type == "GROUP"}
+    # A name that begins with a dot is left out of Blender's lists.
+    pair = parts.pop() if parts else bpy.data.node_groups.new(f".{group.name}: two vertices", "ShaderNodeTree")
+    irradiance_formula.fill_pair(pair, reading)
+    irradiance_formula.fill(group, pair, reading)
+
+
+def _free_name(image: bpy.types.Image) -> str:
+    return f"{NAME} ({image.name})" if NAME in bpy.data.node_groups else NAME
