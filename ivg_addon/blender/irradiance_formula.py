@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The look-up of a stored grid, as the nodes of a group.
+"""The look-up of a stored grid, as the nodes of a group: the formulas of `core/look_up.py`, vertex by vertex.
 
-Weights differ from vertex to vertex near surfaces (`core/look_up.py`, `lean`), so single vertices would have to be
-read, were it not that two neighbours along x can be read at once: linear filtering at t = W₁ / (W₀ + W₁) of the way
-from the one to the other gives (W₀ T₀ + W₁ T₁) / (W₀ + W₁), whatever the two weights. Vertices that take no part are
-black, so that they add nothing to the light; how much of the weight the others have is read in the same way.
+Image Texture nodes read single texels (*Closest*). *Linear* ones could read two neighbours at once, with any weights
+W₀ and W₁, at the share W₁ / (W₀ + W₁) of the way between them; but EEVEE then reads smaller versions of the image
+wherever texture coordinates jump between pixels, as they do from voxel to voxel.
 """
 
 from __future__ import annotations
@@ -21,6 +20,9 @@ from ..core.look_up import BEHIND
 from ..core.moments import NAMES
 from .node_maths import NodeMaths, Number, Socket
 from .reconstruction_nodes import coefficients
+
+Corner = tuple[int, int, int]
+"""Of a voxel: 0 or 1 along each axis."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +58,7 @@ class Reading:
     def plane(self, place: Socket, plane: int, maths: NodeMaths) -> Socket:
         """Add a look-up in a plane, `place` being the texture coordinates in the first; return the colour."""
         at = maths.vector("ADD", place, (plane * self.tile[0], 0.0, 0.0)) if plane else place
-        settings = {"image": self.image, "interpolation": "Linear", "extension": "EXTEND"}
+        settings = {"image": self.image, "interpolation": "Closest", "extension": "EXTEND"}
         return maths.node("ShaderNodeTexImage", {"Vector": at}, **settings).outputs["Color"]
 
 
@@ -78,36 +80,37 @@ class Stencil:
     fraction: Socket
     slices: tuple[Socket, Socket]
 
+    def texel(self, maths: NodeMaths, reading: Reading, corner: Corner) -> Socket:
+        """Return the texture coordinates in the first plane of one of the eight."""
+        width, height = reading.texel
+        i, j, k = corner
+        return maths.vector("ADD", self.slices[k], (i * width, j * height, 0.0)) if i or j else self.slices[k]
 
-def fill_pair(group: bpy.types.ShaderNodeTree, reading: Reading) -> None:
-    """Make a group the look-up of two vertices that are neighbours along x.
 
-    The components of its vectors `Ahead` and `Weights` are the second vertex's, the first one's and 0. It returns the
-    sum of the two vertices' weights, of their weighted light, and of the weights of those that take part.
+def fill_vertex(group: bpy.types.ShaderNodeTree, reading: Reading) -> None:
+    """Make a group the reading of one vertex: its weighted light, and its weight if it takes part, else 0.
+
+    Its inputs are the texture coordinates `Place` in the first plane, how many voxels `Ahead` of the surface the vertex
+    lies, the interpolation's `Weight`, the exponent `Proximity`, and the coefficients.
     """
     maths = NodeMaths(group)
-    into = maths.inputs(dict.fromkeys(("Place", "Ahead", "Proximity", "Weights", *NAMES), "Vector"))
-    lean = maths.node(
-        "ShaderNodeMapRange",
-        {6: into["Ahead"], 7: (-1.0,) * 3, 8: (1.0,) * 3, 9: (BEHIND,) * 3, 10: (1.0 + BEHIND,) * 3},
-        data_type="FLOAT_VECTOR",
-        clamp=True,
-    ).outputs["Vector"]
-    weights = maths.vector("MULTIPLY", maths.vector("POWER", lean, into["Proximity"]), into["Weights"])
-    total = maths.dot(weights, (1.0, 1.0, 0.0))
-    texels_per_weight = maths.combined(maths.math("DIVIDE", reading.texel[0], total), 0.0, 0.0)
-    place = maths.vector("MULTIPLY_ADD", weights, texels_per_weight, into["Place"])
+    into = maths.inputs(
+        {"Place": "Vector", **dict.fromkeys(("Ahead", "Proximity", "Weight"), "Float")} | dict.fromkeys(NAMES, "Vector")
+    )
+    ahead = maths.node("ShaderNodeMath", {0: into["Ahead"], 1: 0.5, 2: 0.5}, operation="MULTIPLY_ADD", use_clamp=True)
+    lean = maths.math("POWER", maths.math("ADD", ahead.outputs[0], BEHIND), into["Proximity"])
+    weight = maths.math("MULTIPLY", lean, into["Weight"])
     light: Socket | tuple[float, ...] = (0.0, 0.0, 0.0)
     for plane, name in enumerate(NAMES):
-        light = maths.vector("MULTIPLY_ADD", reading.plane(place, plane, maths), into[name], light)
-    lit = maths.dot(reading.plane(place, LIT, maths), (0.0, 1.0, 0.0))
+        light = maths.vector("MULTIPLY_ADD", reading.plane(into["Place"], plane, maths), into[name], light)
+    lit = maths.dot(reading.plane(into["Place"], LIT, maths), (0.0, 1.0, 0.0))
     maths.outputs(
-        {"Light": ("Vector", maths.scaled(light, total)), "Lit": ("Float", maths.math("MULTIPLY", lit, total))}
+        {"Light": ("Vector", maths.scaled(light, weight)), "Lit": ("Float", maths.math("MULTIPLY", lit, weight))}
     )
 
 
-def fill(group: bpy.types.ShaderNodeTree, pair: bpy.types.ShaderNodeTree, reading: Reading) -> None:
-    """Make a group the look-up; `pair` is that of `fill_pair`."""
+def fill(group: bpy.types.ShaderNodeTree, vertex: bpy.types.ShaderNodeTree, reading: Reading) -> None:
+    """Make a group the look-up; `vertex` is that of `fill_vertex`."""
     maths = NodeMaths(group)
     given = maths.inputs({"Normal": "Vector"})["Normal"]
     geometry = maths.node("ShaderNodeNewGeometry", {})
@@ -118,33 +121,27 @@ def fill(group: bpy.types.ShaderNodeTree, pair: bpy.types.ShaderNodeTree, readin
 
     place = _place(maths, reading, geometry.outputs["Position"])
     unlit = _unlit(maths, reading, _stencil(maths, reading, place))
-    moved = maths.vector("ADD", place, maths.scaled(surface, maths.math("MULTIPLY", unlit, DEFAULT_NORMAL_BIAS)))
-    moved = _within(maths, reading, moved)
-    around = _stencil(maths, reading, moved)
+    off = maths.scaled(surface, maths.math("MULTIPLY", unlit, DEFAULT_NORMAL_BIAS))
+    around = _stencil(maths, reading, _within(maths, reading, maths.vector("ADD", place, off)))
     proximity = maths.math("MINIMUM", maths.math("MULTIPLY", unlit, 2.0), 1.0)
-    powers = maths.combined(proximity, proximity, proximity)
-    behind = maths.math("MULTIPLY", maths.dot(around.fraction, surface), -1.0)
+    lowest = maths.math("MULTIPLY", maths.dot(around.fraction, surface), -1.0)
     step = maths.separated(surface)
-    first = maths.combined(maths.math("ADD", behind, step[0]), behind, 0.0)
-    weights = _linear(maths, around.fraction)
-    along = maths.combined(weights[0][1], weights[0][0], 0.0)
     light: Socket | tuple[float, ...] = (0.0, 0.0, 0.0)
     lit: Number = 0.0
-    for b, s in product(range(2), repeat=2):
-        ahead = first
-        for far, axis in ((b, 1), (s, 2)):
-            if far:
-                ahead = maths.vector("ADD", ahead, maths.combined(step[axis], step[axis], 0.0))
+    for corner, weight in _weights(maths, around.fraction):
+        ahead = lowest
+        for axis in range(3):
+            ahead = maths.math("ADD", ahead, step[axis]) if corner[axis] else ahead
         found = maths.node(
             "ShaderNodeGroup",
             {
-                "Place": maths.vector("ADD", around.slices[s], (0.0, b * reading.texel[1], 0.0)),
+                "Place": around.texel(maths, reading, corner),
                 "Ahead": ahead,
-                "Proximity": powers,
-                "Weights": maths.scaled(along, maths.math("MULTIPLY", weights[1][b], weights[2][s])),
+                "Proximity": proximity,
+                "Weight": weight,
                 **c,
             },
-            node_tree=pair,
+            node_tree=vertex,
         )
         light = maths.vector("ADD", light, found.outputs["Light"])
         lit = maths.math("ADD", lit, found.outputs["Lit"])
@@ -188,17 +185,19 @@ def _slice(maths: NodeMaths, reading: Reading, k: Socket) -> Socket:
     return maths.vector("MULTIPLY", maths.combined(column, row, 0.0), (len(PLANES) * width, height, 0.0))
 
 
-def _linear(maths: NodeMaths, fraction: Socket) -> list[tuple[Socket, Socket]]:
-    """Return the weights of the lower and the upper vertices along each axis."""
-    lower = maths.vector("SUBTRACT", (1.0,) * 3, fraction)
-    return list(zip(maths.separated(lower), maths.separated(fraction), strict=True))
+def _weights(maths: NodeMaths, fraction: Socket) -> list[tuple[Corner, Socket]]:
+    """Return the corners of the voxel with their trilinear weights."""
+    lower = maths.separated(maths.vector("SUBTRACT", (1.0,) * 3, fraction))
+    upper = maths.separated(fraction)
+    along = list(zip(lower, upper, strict=True))
+    row = {(j, k): maths.math("MULTIPLY", along[1][j], along[2][k]) for j, k in product(range(2), repeat=2)}
+    return [((i, j, k), maths.math("MULTIPLY", along[0][i], row[j, k])) for i, j, k in product(range(2), repeat=3)]
 
 
 def _unlit(maths: NodeMaths, reading: Reading, around: Stencil) -> Socket:
     """Return the unlit share of the cells around a place."""
-    width, height = reading.texel
-    inside = maths.vector("MULTIPLY", around.fraction, (width, height, 0.0))
-    low, high = (reading.plane(maths.vector("ADD", one, inside), LIT, maths) for one in around.slices)
-    rise = maths.scaled(maths.vector("SUBTRACT", high, low), maths.separated(around.fraction)[2])
-    lit = maths.dot(maths.vector("ADD", low, rise), (1.0, 0.0, 0.0))
-    return maths.math("MAXIMUM", maths.math("SUBTRACT", 1.0, lit), 0.0)
+    lit: Socket | tuple[float, ...] = (0.0, 0.0, 0.0)
+    for corner, weight in _weights(maths, around.fraction):
+        texel = reading.plane(around.texel(maths, reading, corner), LIT, maths)
+        lit = maths.vector("ADD", lit, maths.scaled(texel, weight))
+    return maths.math("MAXIMUM", maths.math("SUBTRACT", 1.0, maths.dot(lit, (1.0, 0.0, 0.0))), 0.0)

@@ -47,7 +47,9 @@ def irradiance_group(image: bpy.types.Image) -> bpy.types.ShaderNodeTree:
         raise GridFileError(wrong)
     stored = image[KEY]
     if stored["spatial"] != Spatial.TRILINEAR:
-        raise GridFileError(f"{named(image)} is for tricubic look-ups, which the node group does not have: bake it anew")
+        raise GridFileError(
+            f"{named(image)} is for tricubic look-ups, which the node group does not have: bake it anew"
+        )
     group = find(image)
     if group is None:
         group = bpy.data.node_groups.new(_free_name(image), "ShaderNodeTree")
@@ -100,9 +102,9 @@ def _fill(group: bpy.types.ShaderNodeTree, image: bpy.types.Image) -> None:
     reading = irradiance_formula.Reading(image, lattice, stored["across"])
     parts = {node.node_tree for node in group.nodes if node.type == "GROUP"}
     # A name that begins with a dot is left out of Blender's lists.
-    pair = parts.pop() if parts else bpy.data.node_groups.new(f".{group.name}: two vertices", "ShaderNodeTree")
-    irradiance_formula.fill_pair(pair, reading)
-    irradiance_formula.fill(group, pair, reading)
+    vertex = parts.pop() if parts else bpy.data.node_groups.new(f".{group.name}: vertex", "ShaderNodeTree")
+    irradiance_formula.fill_vertex(vertex, reading)
+    irradiance_formula.fill(group, vertex, reading)
 
 
 def _free_name(image: bpy.types.Image) -> str:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The least-squares reconstruction as nodes: the twelve coefficients that a normal gives F and D (core/moments.py).
 
-    E(n) = ½ (F·n + Σ_kj W_kj(n) D_kj)                                       (core/reconstruction.py has W)
+E(n) = ½ (F·n + Σ_kj W_kj(n) D_kj)                                       (core/reconstruction.py has W)
 """
 
 from __future__ import annotations

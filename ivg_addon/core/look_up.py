@@ -198,7 +198,20 @@ def unit(x, y, z):
 
 @kernel
 def look_up(
-    points, normals, facing, vectors, validity, start, planes, low, voxel, counts, spatial_support, directional, bias, out
+    points,
+    normals,
+    facing,
+    vectors,
+    validity,
+    start,
+    planes,
+    low,
+    voxel,
+    counts,
+    spatial_support,
+    directional,
+    bias,
+    out,
 ):
     """Fill out (n, 3) with E(p, n) of n points and normals, both (n, 3) float64.
 
