@@ -18,7 +18,7 @@ from ..core.grid import DEFAULT_NORMAL_BIAS
 from ..core.grid_atlas import BORDER, LIT, PLANES, AtlasLayout
 from ..core.look_up import BEHIND
 from ..core.moments import NAMES
-from .node_maths import NodeMaths, Number, Socket
+from .node_maths import BLACK, Colour, NodeMaths, Number, Socket
 from .reconstruction_nodes import coefficients
 
 Corner = tuple[int, int, int]
@@ -88,24 +88,27 @@ class Stencil:
 
 
 def fill_vertex(group: bpy.types.ShaderNodeTree, reading: Reading) -> None:
-    """Make a group the reading of one vertex: its weighted light, and its weight if it takes part, else 0.
+    """Make a group the reading of one vertex: it adds its weighted light, and its weight if it takes part.
 
-    Its inputs are the texture coordinates `Place` in the first plane, how many voxels `Ahead` of the surface the vertex
-    lies, the interpolation's `Weight`, the exponent `Proximity`, and the coefficients.
+    Its inputs are the sums so far, `Light` and `Lit`, the texture coordinates `Place` in the first plane, how many
+    voxels `Ahead` of the surface the vertex lies, the interpolation's `Weight`, the exponent `Proximity`, and the
+    coefficients.
     """
     maths = NodeMaths(group)
-    into = maths.inputs(
-        {"Place": "Vector", **dict.fromkeys(("Ahead", "Proximity", "Weight"), "Float")} | dict.fromkeys(NAMES, "Vector")
-    )
+    numbers = dict.fromkeys(("Lit", "Ahead", "Proximity", "Weight", *NAMES), "Float")
+    into = maths.inputs({"Light": "Color", "Place": "Vector"} | numbers)
     ahead = maths.node("ShaderNodeMath", {0: into["Ahead"], 1: 0.5, 2: 0.5}, operation="MULTIPLY_ADD", use_clamp=True)
     lean = maths.math("POWER", maths.math("ADD", ahead.outputs[0], BEHIND), into["Proximity"])
     weight = maths.math("MULTIPLY", lean, into["Weight"])
-    light: Socket | tuple[float, ...] = (0.0, 0.0, 0.0)
+    lit = maths.channel(reading.plane(into["Place"], LIT, maths), 1)
+    light: Colour = BLACK
     for plane, name in enumerate(NAMES):
-        light = maths.vector("MULTIPLY_ADD", reading.plane(into["Place"], plane, maths), into[name], light)
-    lit = maths.dot(reading.plane(into["Place"], LIT, maths), (0.0, 1.0, 0.0))
+        light = maths.added(light, into[name], reading.plane(into["Place"], plane, maths))
     maths.outputs(
-        {"Light": ("Vector", maths.scaled(light, weight)), "Lit": ("Float", maths.math("MULTIPLY", lit, weight))}
+        {
+            "Light": ("Color", maths.added(into["Light"], weight, light)),
+            "Lit": ("Float", maths.math("MULTIPLY_ADD", lit, weight, into["Lit"])),
+        }
     )
 
 
@@ -126,7 +129,7 @@ def fill(group: bpy.types.ShaderNodeTree, vertex: bpy.types.ShaderNodeTree, read
     proximity = maths.math("MINIMUM", maths.math("MULTIPLY", unlit, 2.0), 1.0)
     lowest = maths.math("MULTIPLY", maths.dot(around.fraction, surface), -1.0)
     step = maths.separated(surface)
-    light: Socket | tuple[float, ...] = (0.0, 0.0, 0.0)
+    light: Colour = BLACK
     lit: Number = 0.0
     for corner, weight in _weights(maths, around.fraction):
         ahead = lowest
@@ -135,6 +138,8 @@ def fill(group: bpy.types.ShaderNodeTree, vertex: bpy.types.ShaderNodeTree, read
         found = maths.node(
             "ShaderNodeGroup",
             {
+                "Light": light,
+                "Lit": lit,
                 "Place": around.texel(maths, reading, corner),
                 "Ahead": ahead,
                 "Proximity": proximity,
@@ -143,9 +148,8 @@ def fill(group: bpy.types.ShaderNodeTree, vertex: bpy.types.ShaderNodeTree, read
             },
             node_tree=vertex,
         )
-        light = maths.vector("ADD", light, found.outputs["Light"])
-        lit = maths.math("ADD", lit, found.outputs["Lit"])
-    mean = maths.vector("DIVIDE", light, maths.combined(lit, lit, lit))
+        light, lit = found.outputs["Light"], found.outputs["Lit"]
+    mean = maths.scaled(light, maths.math("DIVIDE", 1.0, lit))
     # A reconstruction can undershoot; light cannot.
     maths.outputs({"Irradiance": ("Color", maths.vector("MAXIMUM", mean, (0.0, 0.0, 0.0)))})
 
@@ -196,8 +200,8 @@ def _weights(maths: NodeMaths, fraction: Socket) -> list[tuple[Corner, Socket]]:
 
 def _unlit(maths: NodeMaths, reading: Reading, around: Stencil) -> Socket:
     """Return the unlit share of the cells around a place."""
-    lit: Socket | tuple[float, ...] = (0.0, 0.0, 0.0)
+    lit: Colour = BLACK
     for corner, weight in _weights(maths, around.fraction):
         texel = reading.plane(around.texel(maths, reading, corner), LIT, maths)
-        lit = maths.vector("ADD", lit, maths.scaled(texel, weight))
-    return maths.math("MAXIMUM", maths.math("SUBTRACT", 1.0, maths.dot(lit, (1.0, 0.0, 0.0))), 0.0)
+        lit = maths.added(lit, weight, texel)
+    return maths.math("MAXIMUM", maths.math("SUBTRACT", 1.0, maths.channel(lit, 0)), 0.0)

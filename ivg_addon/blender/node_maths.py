@@ -11,6 +11,8 @@ import bpy
 Socket = bpy.types.NodeSocket
 Number = Socket | float
 Vector = Socket | Sequence[float]
+Colour = Socket | Sequence[float]
+BLACK = (0.0, 0.0, 0.0, 1.0)
 
 _COLUMN, _ROW = 190.0, 160.0
 """Of the node editor's canvas."""
@@ -61,12 +63,14 @@ class NodeMaths:
         for name, value in settings.items():
             setattr(node, name, value)
         column = 0
+        by_identifier = {socket.identifier: socket for socket in node.inputs}
         for key, value in inputs.items():
+            socket = node.inputs[key] if isinstance(key, int) else by_identifier.get(key) or node.inputs[key]
             if isinstance(value, Socket):
-                self._tree.links.new(value, node.inputs[key])
+                self._tree.links.new(value, socket)
                 column = max(column, self._columns[value.node.name] + 1)
             else:
-                node.inputs[key].default_value = value
+                socket.default_value = value
         self._columns[node.name] = column
         node.location = (_COLUMN * column, -_ROW * self._filled[column])
         self._filled[column] += 1
@@ -95,6 +99,24 @@ class NodeMaths:
     def combined(self, x: Number, y: Number, z: Number) -> Socket:
         """Return the vector (x, y, z)."""
         return self.node("ShaderNodeCombineXYZ", {0: x, 1: y, 2: z}).outputs[0]
+
+    def added(self, total: Colour, factor: Number, colour: Colour) -> Socket:
+        """Return total + factor · colour.
+
+        As colours: what Cycles converts it computes last, and 5.0 runs out of memory for all that waits for it.
+        """
+        node = self.node(
+            "ShaderNodeMix",
+            {"Factor_Float": factor, "A_Color": total, "B_Color": colour},
+            data_type="RGBA",
+            blend_type="ADD",
+            clamp_factor=False,
+        )
+        return next(socket for socket in node.outputs if socket.identifier == "Result_Color")
+
+    def channel(self, colour: Socket, index: int) -> Socket:
+        """Return red, green or blue of a colour."""
+        return self.node("ShaderNodeSeparateColor", {0: colour}).outputs[index]
 
     def separated(self, a: Socket) -> tuple[Socket, Socket, Socket]:
         """Return the three components of a vector."""

@@ -17,10 +17,7 @@ _ACROSS = 4.0 / (math.pi**2 - 4.0)
 
 
 def coefficients(maths: NodeMaths, normal: Socket) -> list[Socket]:
-    """Return the coefficients of F_x … D_zz at a unit normal, as vectors whose three components are the same.
-
-    Channels are multiplied three at a time, and a number made a vector takes a node each time that it is used.
-    """
+    """Return the coefficients of F_x … D_zz at a unit normal, numbers."""
     # Rounding makes unit vectors longer than one, of which EEVEE's arc sine is 0.
     n = maths.vector("MINIMUM", maths.vector("MAXIMUM", normal, (-1.0,) * 3), (1.0,) * 3)
     components = maths.separated(n)
@@ -39,4 +36,4 @@ def coefficients(maths: NodeMaths, normal: Socket) -> list[Socket]:
     for k in range(3):
         row = maths.vector("ADD", maths.scaled(along, arcs[k]), maths.scaled(across, components[k]))
         found += [diagonal[k] if j == k else component for j, component in enumerate(maths.separated(row))]
-    return [maths.combined(number, number, number) for number in found]
+    return found
