@@ -100,10 +100,13 @@ def fill_vertex(group: bpy.types.ShaderNodeTree, reading: Reading) -> None:
     ahead = maths.node("ShaderNodeMath", {0: into["Ahead"], 1: 0.5, 2: 0.5}, operation="MULTIPLY_ADD", use_clamp=True)
     lean = maths.math("POWER", maths.math("ADD", ahead.outputs[0], BEHIND), into["Proximity"])
     weight = maths.math("MULTIPLY", lean, into["Weight"])
-    lit = maths.channel(reading.plane(into["Place"], LIT, maths), 1)
+    # Always 1. Without it Cycles 5.0 would read the texels of all vertices first, and run out of places for them.
+    turn = maths.math("GREATER_THAN", into["Lit"], -1.0)
+    place = maths.scaled(into["Place"], turn)
+    lit = maths.channel(reading.plane(place, LIT, maths), 1)
     light: Colour = BLACK
     for plane, name in enumerate(NAMES):
-        light = maths.added(light, into[name], reading.plane(into["Place"], plane, maths))
+        light = maths.added(light, into[name], reading.plane(place, plane, maths))
     maths.outputs(
         {
             "Light": ("Color", maths.added(into["Light"], weight, light)),
