@@ -29,6 +29,9 @@ _SQUARE = 0.2
 """Edge of a square, pixels."""
 _LEAST_COSINE = 0.3
 """Between a square's normal and the way to the camera."""
+_SCALE, _GREY = 100.0, 8.0
+"""Pixels are _SCALE times the relative difference plus _GREY, since negative light would be cut off: half floats then
+tell 4·10⁻⁵, and up to 8 % either way."""
 
 
 @dataclass(frozen=True)
@@ -89,17 +92,49 @@ def _axes(view: Float64) -> tuple[Float64, Float64]:
     return right, np.cross(view, right)
 
 
-def expected(grid: IrradianceVectorGrid, spatial: Spatial, what: Squares) -> Float64:
-    """Return what Python finds at the squares' corners, (n, 4, 3)."""
-    corner = what.corners.reshape(-1, 3)
-    normals, facing = (np.ascontiguousarray(n.repeat(4, axis=0)) for n in (what.normals, what.facing))
-    values = grid.interpolated(spatial), grid.validity, grid.partitions, grid.lattice
-    way = spatial, Directional.LEAST_SQUARES, DEFAULT_NORMAL_BIAS
-    return irradiance(*values, corner, normals, *way, facing=facing).reshape(-1, 4, 3).astype(np.float64)
+@dataclass(frozen=True)
+class Wanted:
+    """What Python finds at squares, W/m².
+
+    Parameters
+    ----------
+    corners : (n, 4, 3) float64
+    middles : (n, 3) float64
+    """
+
+    corners: Float64
+    middles: Float64
+
+    @property
+    def mean(self) -> float:
+        """Return the mean of all points and channels, to which differences are relative."""
+        return float(self.middles.mean())
+
+    def bent(self) -> Float64:
+        """Return by how much the mean of two opposite corners is off from the middle, relative, (n,).
+
+        A renderer interpolates between corners: where this is not small, the picture shows it and not the group.
+        """
+        diagonals = 0.5 * (self.corners[:, :2] + self.corners[:, 2:])
+        return np.asarray(np.abs(diagonals - self.middles[:, None]).max(axis=(1, 2)) / self.mean)
 
 
-def build(image: bpy.types.Image, what: Squares, wanted: Float64, bumps: bool, scale: float) -> None:
-    """Fill the current, empty scene; pixels will be the difference to `wanted` (n, 4, 3), times `scale`, plus one.
+def wanted(grid: IrradianceVectorGrid, spatial: Spatial, what: Squares) -> Wanted:
+    """Return what Python finds at the squares."""
+
+    def look_up(points: Float64) -> Float64:
+        each = len(points) // len(what.points)
+        normals, facing = (np.ascontiguousarray(n.repeat(each, axis=0)) for n in (what.normals, what.facing))
+        values = grid.interpolated(spatial), grid.validity, grid.partitions, grid.lattice
+        way = spatial, Directional.LEAST_SQUARES, DEFAULT_NORMAL_BIAS
+        return irradiance(*values, points, normals, *way, facing=facing).astype(np.float64)
+
+    corners = look_up(np.ascontiguousarray(what.corners.reshape(-1, 3))).reshape(-1, 4, 3)
+    return Wanted(corners, look_up(what.points))
+
+
+def build(image: bpy.types.Image, what: Squares, expected: Wanted, bumps: bool) -> None:
+    """Fill the current, empty scene, so that pixels will show differences to what is expected.
 
     Parameters
     ----------
@@ -107,12 +142,12 @@ def build(image: bpy.types.Image, what: Squares, wanted: Float64, bumps: bool, s
         Whether the normals of bumps go into the group; otherwise it takes the squares' own.
     """
     mesh = bpy.data.meshes.new("Squares")
-    mesh.from_pydata(what.corners.reshape(-1, 3).tolist(), [], np.arange(4 * len(wanted)).reshape(-1, 4).tolist())
-    for name, values in (("wanted", wanted.reshape(-1, 3)), ("bump", what.normals.repeat(4, axis=0))):
+    mesh.from_pydata(what.corners.reshape(-1, 3).tolist(), [], np.arange(4 * len(what.points)).reshape(-1, 4).tolist())
+    for name, values in (("expected", expected.corners.reshape(-1, 3)), ("bump", what.normals.repeat(4, axis=0))):
         attribute = mesh.attributes.new(name, "FLOAT_VECTOR", "CORNER")
         attribute.data.foreach_set("vector", values.astype(np.float32).reshape(-1))
     material = bpy.data.materials.new("Squares")
-    _fill_material(material.node_tree, image, bumps, scale)
+    _fill_material(material.node_tree, image, bumps, _SCALE / expected.mean)
     mesh.materials.append(material)
     scene = bpy.context.scene
     scene.collection.objects.link(bpy.data.objects.new("Squares", mesh))
@@ -122,6 +157,8 @@ def build(image: bpy.types.Image, what: Squares, wanted: Float64, bumps: bool, s
     scene.cycles.use_adaptive_sampling = scene.cycles.use_denoising = False
     scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BOX", 0.01
     scene.render.filter_size = 0.01
+    # Otherwise graphics cards get the normals of meshes in ten bits.
+    scene.render.use_high_quality_normals = True
     scene.render.resolution_x = scene.render.resolution_y = what.side
     scene.view_settings.view_transform = "Raw"
     scene.render.image_settings.file_format = "OPEN_EXR"
@@ -137,13 +174,12 @@ def _fill_material(tree: bpy.types.NodeTree, image: bpy.types.Image, bumps: bool
     off = tree.nodes.new("ShaderNodeVectorMath")
     off.operation = "SUBTRACT"
     tree.links.new(group.outputs["Irradiance"], off.inputs[0])
-    tree.links.new(_attribute(tree, "wanted"), off.inputs[1])
+    tree.links.new(_attribute(tree, "expected"), off.inputs[1])
     large = tree.nodes.new("ShaderNodeVectorMath")
     large.operation = "MULTIPLY_ADD"
     tree.links.new(off.outputs[0], large.inputs[0])
     large.inputs[1].default_value = (scale,) * 3
-    # Light that is negative might be cut off.
-    large.inputs[2].default_value = (1.0,) * 3
+    large.inputs[2].default_value = (_GREY,) * 3
     emission = tree.nodes.new("ShaderNodeEmission")
     tree.links.new(large.outputs[0], emission.inputs["Color"])
     tree.links.new(emission.outputs[0], tree.nodes.new("ShaderNodeOutputMaterial").inputs["Surface"])
@@ -171,10 +207,14 @@ def _add_camera(scene: bpy.types.Scene, what: Squares) -> None:
     scene.camera = made
 
 
-def render(what: Squares, scale: float, path: Path) -> Float64:
-    """Render the current scene; return by how much the group is off at the squares, (n, 3)."""
+def render(path: Path) -> None:
+    """Render the current scene into a file."""
     bpy.context.scene.render.filepath = str(path)
     bpy.ops.render.render(write_still=True)
+
+
+def differences(what: Squares, path: Path) -> Float64:
+    """Return by how much the group is off at the squares of a picture, relative to the mean, (n, 3)."""
     channels = read_exr(path)
     pixels = np.stack([channels[name] for name in "RGB"], axis=-1).reshape(-1, 3)[what.pixels]
-    return np.asarray((pixels.astype(np.float64) - 1.0) / scale)
+    return np.asarray(np.abs(pixels.astype(np.float64) - _GREY) / _SCALE)

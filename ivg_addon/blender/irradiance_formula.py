@@ -14,9 +14,8 @@ from itertools import product
 import bpy
 
 from ..core.dual_cells import Lattice
-from ..core.grid import DEFAULT_NORMAL_BIAS
+from ..core.grid import BEHIND, DEFAULT_NORMAL_BIAS
 from ..core.grid_atlas import BORDER, LIT, PLANES, AtlasLayout
-from ..core.look_up import BEHIND
 from ..core.moments import NAMES
 from .node_maths import BLACK, Colour, NodeMaths, Number, Socket
 from .reconstruction_nodes import coefficients

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from .compiled import inlined, kernel, merged
 from .dual_cells import Lattice
+from .grid import BEHIND
 from .partitions import Partitions
 from .reconstruction import DIRECTIONAL_CODES, directional_coefficients
 from .settings import Directional, Spatial
@@ -26,10 +27,6 @@ Float64 = NDArray[np.float64]
 
 CHUNK = 32_768
 """Points that a thread looks up at a time."""
-
-BEHIND = 0.02
-"""What remains of the weight of a vertex right behind a surface, so that weights never vanish."""
-
 
 _WITHIN = 1e-6
 """How far from its faces a position surely lies in a voxel, in floating point."""
