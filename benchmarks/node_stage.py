@@ -8,6 +8,9 @@ at its corners: so nothing is lost where a renderer's pictures are half floats.
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -207,14 +210,51 @@ def _add_camera(scene: bpy.types.Scene, what: Squares) -> None:
     scene.camera = made
 
 
-def render(path: Path) -> None:
-    """Render the current scene into a file."""
-    bpy.context.scene.render.filepath = str(path)
-    bpy.ops.render.render(write_still=True)
+ENGINES = ("CYCLES", "BLENDER_EEVEE")
+_RENDER = """
+import sys
+import bpy
+path, engine, picture = sys.argv[1:]
+if engine != "CYCLES":
+    import gpu
+    gpu.init()
+print("engine", flush=True)
+bpy.ops.wm.open_mainfile(filepath=path)
+scene = bpy.context.scene
+scene.render.engine, scene.render.filepath = engine, picture
+bpy.ops.render.render(write_still=True)
+"""
 
 
-def differences(what: Squares, path: Path) -> Float64:
+def render(engine: str, folder: Path) -> Path | None:
+    """Save the current file, and render it in a process that has nothing but Blender; return the picture.
+
+    None if the engine is EEVEE and there is no OpenGL, or Blender draws only with a window.
+
+    Raises
+    ------
+    RuntimeError
+        The rendering failed.
+    """
+    path, picture = folder / "squares.blend", folder / f"{engine}.exr"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True)
+    done = subprocess.run(
+        [sys.executable, "-c", _RENDER, str(path), engine, str(picture)],
+        env=os.environ | {"BLENDER_USER_RESOURCES": str(folder / "resources")},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=300,
+    )
+    if "engine\n" not in done.stdout and engine != "CYCLES":
+        return None
+    if done.returncode or not picture.exists():
+        raise RuntimeError(done.stderr)
+    return picture
+
+
+def differences(what: Squares, picture: Path) -> Float64:
     """Return by how much the group is off at the squares of a picture, relative to the mean, (n, 3)."""
-    channels = read_exr(path)
+    channels = read_exr(picture)
     pixels = np.stack([channels[name] for name in "RGB"], axis=-1).reshape(-1, 3)[what.pixels]
     return np.asarray(np.abs(pixels.astype(np.float64) - _GREY) / _SCALE)

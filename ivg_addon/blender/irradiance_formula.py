@@ -122,7 +122,7 @@ def fill(group: bpy.types.ShaderNodeTree, vertex: bpy.types.ShaderNodeTree, read
     surface = geometry.outputs["Normal"]
     absent = maths.math("LESS_THAN", maths.length(given), 1e-6)
     normal = maths.vector("NORMALIZE", maths.vector("ADD", given, maths.scaled(surface, absent)))
-    c = dict(zip(NAMES, coefficients(maths, normal), strict=True))
+    c: dict[int | str, Number] = dict(zip(NAMES, coefficients(maths, normal), strict=True))
 
     place = _place(maths, reading, geometry.outputs["Position"])
     unlit = _unlit(maths, reading, _stencil(maths, reading, place))

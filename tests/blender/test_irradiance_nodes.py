@@ -3,14 +3,10 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import bpy
-import gpu
 import numpy as np
 import pytest
 
@@ -23,7 +19,6 @@ from ivg_addon.core.grid import IrradianceVectorGrid
 from ivg_addon.core.settings import Spatial
 from tests.core.grids import AXES, LATTICE, grid
 
-ROOT = Path(__file__).resolve().parents[2]
 OTHER = Lattice((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (3, 2, 4))
 
 
@@ -66,53 +61,20 @@ def stage(bumps: bool, view: int) -> tuple[node_stage.Squares, node_stage.Wanted
     return what, expected
 
 
-def assert_agrees(what: node_stage.Squares, expected: node_stage.Wanted, picture: Path) -> None:
-    """Hold a picture against a thousandth, where it can show that."""
+@pytest.mark.parametrize(
+    ("engine", "bumps", "view"),
+    [("CYCLES", False, 0), ("CYCLES", True, 1), ("BLENDER_EEVEE", True, 0)],
+    ids=["Cycles", "Cycles with bumps", "EEVEE with bumps"],
+)
+def test_a_file_opened_again_shows_what_python_finds(tmp_path: Path, engine: str, bumps: bool, view: int) -> None:
+    """To a thousandth, without the add-on."""
+    what, expected = stage(bumps, view)
+    picture = node_stage.render(engine, tmp_path)
+    if picture is None:
+        pytest.skip("no OpenGL here: install libegl1 and libgl1-mesa-dri")
     straight = expected.bent() < 2e-4
     assert straight.mean() > 0.5
     assert node_stage.differences(what, picture)[straight].max() < 1e-3
-
-
-@pytest.mark.parametrize(("bumps", "view"), [(False, 0), (True, 1)], ids=["own normals", "bumps"])
-def test_cycles_finds_what_python_finds(tmp_path: Path, bumps: bool, view: int) -> None:
-    what, expected = stage(bumps, view)
-    node_stage.render(tmp_path / "a.exr")
-    assert_agrees(what, expected, tmp_path / "a.exr")
-
-
-EEVEE = """
-import sys
-from pathlib import Path
-import bpy
-import gpu
-gpu.init()
-print("gpu", flush=True)
-from benchmarks.node_stage import render
-bpy.ops.wm.open_mainfile(filepath=sys.argv[1])
-bpy.context.scene.render.engine = "BLENDER_EEVEE"
-render(Path(sys.argv[2]))
-"""
-
-
-def test_eevee_finds_what_python_finds_in_a_file_opened_again(tmp_path: Path) -> None:
-    """Without the add-on, too: the process does not register it."""
-    if not hasattr(gpu, "init"):
-        pytest.skip("the module of this Blender draws only with a window")
-    what, expected = stage(True, 0)
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
-    done = subprocess.run(
-        [sys.executable, "-c", EEVEE, str(tmp_path / "a.blend"), str(tmp_path / "a.exr")],
-        cwd=ROOT,
-        env=os.environ | {"BLENDER_USER_RESOURCES": str(tmp_path / "resources")},
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=300,
-    )
-    if "gpu\n" not in done.stdout:
-        pytest.skip("no OpenGL here: install libegl1 and libgl1-mesa-dri")
-    assert done.returncode == 0, done.stderr
-    assert_agrees(what, expected, tmp_path / "a.exr")
 
 
 def images_of(group: bpy.types.ShaderNodeTree) -> set[str]:
