@@ -28,7 +28,7 @@ Float64 = NDArray[np.float64]
 
 VIEWS = np.array([(0.48, 0.6, 0.64), (-0.48, -0.6, -0.64)])
 """Ways to the camera, unit vectors along which no grid lies: every normal faces one or the other."""
-_SQUARE = 0.2
+_SQUARE = 0.1
 """Edge of a square, pixels."""
 _LEAST_COSINE = 0.3
 """Between a square's normal and the way to the camera."""

@@ -2,10 +2,10 @@
 """How far the node group is off from the Python look-up: `python -m benchmarks.nodes [--photons N] [SCENE …]`.
 
 Bakes sample scenes, lets the group shine on small squares in Cycles and in EEVEE, at random points and normals in free
-space, at points of surfaces with theirs, and there with the normals of bumps, and compares with what Python finds at the
-same places. Differences are relative to the mean irradiance of the places, since many are nearly black. Left out are
-places where the look-up bends so much within a square (a fifth of a pixel) that the picture cannot show it. Exits with
-1 if a difference is larger than is allowed.
+space, at points of surfaces with theirs, and there with the normals of bumps, and compares with what Python finds at
+the same places. Differences are relative to the mean irradiance of the places, since many are nearly black. Left out
+are places where the look-up bends so much within a square (a tenth of a pixel) that the picture cannot show it. Exits
+with 1 if a difference is larger than is allowed.
 """
 
 from __future__ import annotations

@@ -18,14 +18,19 @@ import bpy
 
 from ..core.dual_cells import Lattice
 from ..core.errors import GridFileError
+from ..core.grid_atlas import AtlasLayout
 from ..core.settings import Spatial
-from . import grid_image, irradiance_formula
+from . import grid_image
 from .grid_image import KEY, named
+from .grid_reading import Reading
+from .irradiance_formula import fill
 
 NAME = "IVG Irradiance"
 FORMAT = "irradiance-vector-grid-nodes"
 VERSION = 1
 """Of the nodes; those of an older version are made anew."""
+_PART = "part"
+"""Under `KEY`, of the groups within: what they are for."""
 
 
 def irradiance_group(image: bpy.types.Image) -> bpy.types.ShaderNodeTree:
@@ -91,7 +96,7 @@ def _about(image: bpy.types.Image) -> dict[str, Any]:
         "image": image,
         "grid_digest": stored["grid_digest"],
         "layout": {name: list(stored[name]) for name in ("bounds_min", "bounds_max", "resolution", "size")}
-        | {"across": stored["across"], "spatial": stored["spatial"]},
+        | {name: stored.get(name, 0) for name in ("across", "walls", "spatial")},
     }
 
 
@@ -99,12 +104,23 @@ def _fill(group: bpy.types.ShaderNodeTree, image: bpy.types.Image) -> None:
     """Make a group's nodes anew; what uses it stays linked to it."""
     stored = image[KEY]
     lattice = Lattice(tuple(stored["bounds_min"]), tuple(stored["bounds_max"]), tuple(stored["resolution"]))
-    reading = irradiance_formula.Reading(image, lattice, stored["across"])
-    parts = {node.node_tree for node in group.nodes if node.type == "GROUP"}
-    # A name that begins with a dot is left out of Blender's lists.
-    vertex = parts.pop() if parts else bpy.data.node_groups.new(f".{group.name}: vertex", "ShaderNodeTree")
-    irradiance_formula.fill_vertex(vertex, reading)
-    irradiance_formula.fill(group, vertex, reading)
+    where = AtlasLayout(lattice.resolution, stored["across"], stored.get("walls", 0))
+    parts = {tree[KEY][_PART]: tree for tree in _used(group) if _PART in tree.get(KEY, {})}
+
+    def part(name: str) -> bpy.types.ShaderNodeTree:
+        if name not in parts:
+            # A name that begins with a dot is left out of Blender's lists.
+            parts[name] = bpy.data.node_groups.new(f".{group.name}: {name}", "ShaderNodeTree")
+            parts[name][KEY] = {_PART: name}
+        return parts[name]
+
+    fill(group, Reading(image, lattice, where), part)
+
+
+def _used(group: bpy.types.ShaderNodeTree) -> set[bpy.types.ShaderNodeTree]:
+    """Return all groups that are used in one."""
+    used = {node.node_tree for node in group.nodes if node.type == "GROUP" and node.node_tree is not None}
+    return used.union(*(_used(tree) for tree in used))
 
 
 def _free_name(image: bpy.types.Image) -> str:

@@ -114,6 +114,12 @@ class NodeMaths:
         )
         return next(socket for socket in node.outputs if socket.identifier == "Result_Color")
 
+    def chosen(self, factor: Socket, a: Vector, b: Vector) -> Socket:
+        """Return the vector a where factor is 1, and b where it is 0."""
+        inputs: dict[int | str, Number | Vector] = {"Factor_Float": factor, "A_Vector": b, "B_Vector": a}
+        node = self.node("ShaderNodeMix", inputs, data_type="VECTOR", factor_mode="UNIFORM")
+        return next(socket for socket in node.outputs if socket.identifier == "Result_Vector")
+
     def channel(self, colour: Socket, index: int) -> Socket:
         """Return red, green or blue of a colour."""
         return self.node("ShaderNodeSeparateColor", {0: colour}).outputs[index]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from .compiled import inlined, kernel, merged
 from .dual_cells import Lattice
 from .grid import BEHIND
-from .partitions import Partitions
+from .partitions import LEAST_SPOKEN, WITHIN, Partitions
 from .reconstruction import DIRECTIONAL_CODES, directional_coefficients
 from .settings import Directional, Spatial
 from .sides import side_distance, speaks_for
@@ -27,12 +27,6 @@ Float64 = NDArray[np.float64]
 
 CHUNK = 32_768
 """Points that a thread looks up at a time."""
-
-_WITHIN = 1e-6
-"""How far from its faces a position surely lies in a voxel, in floating point."""
-
-_LEAST_SPOKEN = 0.1
-"""Of the weight of lit vertices around a point, that those which speak for it must have."""
 
 
 @merged
@@ -148,7 +142,7 @@ def step_back(validity, start, planes, g, n, counts, vertices, weights, size):
             wall = start[vertices[entry]]
             while side_distance(planes, wall, g[0], g[1], g[2]) >= 0.0 and wall + 1 < start[vertices[entry] + 1]:
                 wall += 1
-    moves = wall >= 0 and spoken < _LEAST_SPOKEN * total
+    moves = wall >= 0 and spoken < LEAST_SPOKEN * total
     if moves:
         for axis in range(3):
             g[axis] = min(max(g[axis] - 0.5 * planes[wall, axis], 0.0), counts[axis] - 1.0)
@@ -253,7 +247,7 @@ def look_up(
                     # Beside a wall not into the next voxel: whose vertices know which side they are on is not known.
                     low_end, high_end = 0.0, counts[axis] - 1.0
                     if divided:
-                        low_end, high_end = base[axis] + _WITHIN, base[axis] + 1.0 - _WITHIN
+                        low_end, high_end = base[axis] + WITHIN, base[axis] + 1.0 - WITHIN
                     g[axis] = min(max(position, low_end), high_end)
                 stencil(g, counts, support, base, w)
                 weigh(validity, counts, support, base, w, vertices, weights)
