@@ -47,22 +47,12 @@ def irradiance_group(image: bpy.types.Image) -> bpy.types.ShaderNodeTree:
         The image holds no grid or was changed by hand; or the group was made by a newer version, or is linked and not
         up to date.
     """
-    wrong = grid_image.problem(image)
+    group = find(image)
+    wrong = _problem(image, group)
     if wrong:
         raise GridFileError(wrong)
-    stored = image[KEY]
-    if stored["spatial"] != Spatial.TRILINEAR:
-        raise GridFileError(
-            f"{named(image)} is for tricubic look-ups, which the node group does not have: bake it anew"
-        )
-    group = find(image)
     if group is None:
         group = bpy.data.node_groups.new(_free_name(image), "ShaderNodeTree")
-    elif group[KEY]["version"] > VERSION:
-        raise GridFileError(
-            f"node group '{group.name}' was made by a newer Irradiance Vector Grid (version {group[KEY]['version']}, "
-            f"this one has {VERSION}): update the extension, or remove the group"
-        )
     about = _about(image)
     if group.get(KEY) is None or group[KEY].to_dict() != about:
         if group.library:
@@ -72,6 +62,32 @@ def irradiance_group(image: bpy.types.Image) -> bpy.types.ShaderNodeTree:
         _fill(group, image)
         group[KEY] = about
     return group
+
+
+def follow(image: bpy.types.Image) -> None:
+    """Bring the node group of a grid that was baked anew up to date, if there is one that this version may change."""
+    group = find(image)
+    if group is not None and not group.library and not _problem(image, group):
+        irradiance_group(image)
+
+
+def _problem(image: bpy.types.Image, group: bpy.types.ShaderNodeTree | None) -> str:
+    """Return why there can be no node group of a grid, or the one there is cannot be changed; empty if it can."""
+    wrong = grid_image.problem(image)
+    if wrong:
+        return wrong
+    if image[KEY]["spatial"] != Spatial.TRILINEAR:
+        return (
+            f"{named(image)} is for tricubic look-ups, which are too slow as nodes: choose trilinear interpolation, "
+            "and bake again"
+        )
+    version = group[KEY]["version"] if group is not None else VERSION
+    if group is not None and version > VERSION:
+        return (
+            f"node group '{group.name}' was made by a newer Irradiance Vector Grid (version {version}, this one has "
+            f"{VERSION}): update the extension, or remove the group"
+        )
+    return ""
 
 
 def find(image: bpy.types.Image) -> bpy.types.ShaderNodeTree | None:
