@@ -32,6 +32,8 @@ _SQUARE = 0.1
 """Edge of a square, pixels."""
 _LEAST_COSINE = 0.3
 """Between a square's normal and the way to the camera."""
+_PLACING = np.array([(0.0, 4.0, 0.0, 0.5), (0.0, 0.0, -0.5, -1.0), (2.0, 0.0, 0.0, 0.25), (0.0, 0.0, 0.0, 1.0)])
+"""Of the squares' object: turned, stretched and mirrored. In powers of two, since they are small."""
 _SCALE, _GREY = 100.0, 8.0
 """Pixels are _SCALE times the relative difference plus _GREY, since negative light would be cut off: half floats then
 tell 4·10⁻⁵, and up to 8 % either way."""
@@ -145,7 +147,8 @@ def build(image: bpy.types.Image, what: Squares, expected: Wanted, bumps: bool) 
         Whether the normals of bumps go into the group; otherwise it takes the squares' own.
     """
     mesh = bpy.data.meshes.new("Squares")
-    mesh.from_pydata(what.corners.reshape(-1, 3).tolist(), [], np.arange(4 * len(what.points)).reshape(-1, 4).tolist())
+    placed = (what.corners.reshape(-1, 3) - _PLACING[:3, 3]) @ np.linalg.inv(_PLACING[:3, :3]).T
+    mesh.from_pydata(placed.tolist(), [], np.arange(4 * len(what.points)).reshape(-1, 4).tolist())
     for name, values in (("expected", expected.corners.reshape(-1, 3)), ("bump", what.normals.repeat(4, axis=0))):
         attribute = mesh.attributes.new(name, "FLOAT_VECTOR", "CORNER")
         attribute.data.foreach_set("vector", values.astype(np.float32).reshape(-1))
@@ -153,7 +156,9 @@ def build(image: bpy.types.Image, what: Squares, expected: Wanted, bumps: bool) 
     _fill_material(material.node_tree, image, bumps, _SCALE / expected.mean)
     mesh.materials.append(material)
     scene = bpy.context.scene
-    scene.collection.objects.link(bpy.data.objects.new("Squares", mesh))
+    shown = bpy.data.objects.new("Squares", mesh)
+    shown.matrix_world = _PLACING.T.tolist()
+    scene.collection.objects.link(shown)
     _add_camera(scene, what)
     scene.render.engine = "CYCLES"
     scene.cycles.samples = scene.eevee.taa_render_samples = 1
