@@ -192,6 +192,7 @@ def look_up(
     points,
     normals,
     facing,
+    bumps,
     vectors,
     validity,
     start,
@@ -206,7 +207,8 @@ def look_up(
 ):
     """Fill out (n, 3) with E(p, n) of n points and normals, both (n, 3) float64.
 
-    Where the look-up is made, and which vertices see the point, is told by the surface's own normals `facing` (n, 3).
+    Where the look-up is made, and which vertices see the point, is told by the surface's own normals `facing` (n, 3);
+    without `bumps` they are the same.
     Beside vertices with planes the interpolation is trilinear: wider ones reach vertices behind the wall.
 
     vectors : (vertices, 54) float32, validity : (vertices,) float32
@@ -256,7 +258,9 @@ def look_up(
         if divided:
             leave_to_speakers(start, planes, here, n, vertices, weights, support * support * support)
         total = blend(vectors, vertices, weights, support * support * support, blended)
-        directional_coefficients(directional, unit(normals[q, 0], normals[q, 1], normals[q, 2]), c)
+        if bumps:
+            n = unit(normals[q, 0], normals[q, 1], normals[q, 2])
+        directional_coefficients(directional, n, c)
         for channel in range(3):
             e = 0.0
             for hemisphere in range(6):
@@ -303,7 +307,7 @@ def irradiance(
 
     def chunk(start: int) -> None:
         part = slice(start, start + CHUNK)
-        look_up(points[part], normals[part], own[part], *grid, out[part])
+        look_up(points[part], normals[part], own[part], facing is not None, *grid, out[part])
 
     starts = range(0, len(points), CHUNK)
     if len(starts) < 2:
