@@ -27,7 +27,9 @@ KEY = "ivg"
 VOLUME = "volume"
 """Under `KEY`: the volume datablock (grid_volume.py)."""
 FORMAT = "irradiance-vector-grid-image"
-VERSION = 1
+VERSION = 2
+"""Of the layout; version 1 is the same for a grid without thin walls, and has none of what is told of them."""
+_KNOWN = (1, VERSION)
 RESTORE = "press Restore in the panel, or run bpy.ops.ivg.restore()"
 """The cure of whatever was done to the datablocks, not to the grid."""
 
@@ -63,9 +65,9 @@ def prepare(grid: IrradianceVectorGrid, spatial: str) -> PreparedImage:
         The grid is too large for an image, or for a .blend.
     """
     from ..core.exr import exr_bytes
-    from ..core.grid_atlas import atlas, layout
+    from ..core.grid_atlas import atlas, layout, most_walls
 
-    where = layout(grid.resolution)
+    where = layout(grid.resolution, most_walls(grid))
     largest = max(array.nbytes for array in arrays(grid).values())
     if largest > _LARGEST_PROPERTY:
         raise SettingsError(f"{human(largest)} of vectors are more than a .blend keeps in one place: bake fewer voxels")
@@ -79,7 +81,8 @@ def prepare(grid: IrradianceVectorGrid, spatial: str) -> PreparedImage:
         size=where.size,
         properties={
             "format": FORMAT,
-            "version": VERSION,
+            # Without walls older versions of this program read it too.
+            "version": VERSION if where.walls else 1,
             "bounds_min": told["bounds_min"],
             "bounds_max": told["bounds_max"],
             "resolution": told["resolution"],
@@ -88,6 +91,7 @@ def prepare(grid: IrradianceVectorGrid, spatial: str) -> PreparedImage:
             "spatial": str(spatial),
             "size": where.size,
             "across": where.across,
+            "walls": where.walls,
             "pixel_digest": checksum(pixels),
             "arrays": {
                 name: {"dtype": array.dtype.str, "shape": array.shape, "bytes": array.tobytes()}
@@ -132,7 +136,7 @@ def version_problem(image: bpy.types.Image) -> str:
     if not is_grid(image):
         return f"{named(image)} holds no irradiance vector grid: choose one that a bake has stored"
     version = image[KEY].get("version")
-    if version == VERSION:
+    if version in _KNOWN:
         return ""
     if isinstance(version, int) and version > VERSION:
         return (

@@ -14,7 +14,7 @@ import bpy
 from ..core import vdb_grid
 from ..core.errors import GridFileError
 from ..core.settings import Spatial
-from . import grid_image, grid_volume
+from . import grid_image, grid_volume, irradiance_nodes
 from .grid_image import KEY, PreparedImage, is_grid
 from .grid_store import SUFFIX, absolute, default_grid_path
 from .outcome import grid_file
@@ -97,6 +97,7 @@ def store(scene: bpy.types.Scene, name: str, prepared: PreparedImage, volume_fil
     """
     image = grid_image.put(prepared, name, find(name))
     grid_volume.put(image, volume_file)
+    irradiance_nodes.follow(image)
     scene.ivg.grid = image
     return image
 
@@ -108,6 +109,7 @@ def restore(image: bpy.types.Image, scene: bpy.types.Scene) -> bpy.types.Volume:
     grid = grid_image.read(image)
     spatial = Spatial(image[KEY].get("spatial", Spatial.TRILINEAR))
     grid_image.put(grid_image.prepare(grid, spatial), image.name, image)
+    irradiance_nodes.follow(image)
     volume = grid_volume.volume_of(image)
     if volume is not None and not grid_volume.problem(image):
         return volume

@@ -8,8 +8,12 @@ upwards, with a border of one texel all around that repeats the edge: what a fil
 would give, and no other plane. The planes of a slice stand side by side; slices follow each other to the right,
 `across` of them, then upwards:
 
-    column(i, k, plane) = (13 (k mod across) + plane) (Ni + 3) + 1 + i
+    column(i, k, plane) = (P (k mod across) + plane) (Ni + 3) + 1 + i
     row(j, k)           = ⌊k / across⌋ (Nj + 3) + 1 + j           (Ni + 1 vertices and two border texels along x)
+
+P is 13, and more where thin walls divide vertices (partitions.py): a plane for each of the walls that one vertex may
+have, with (1 + s) N, and one with their (1 + s) D, so that four numbers hold N, D and s. The last wall of a vertex
+repeats where it has fewer than others; one that has none has N = 0 and D = −1, and speaks for all.
 """
 
 from __future__ import annotations
@@ -23,6 +27,7 @@ from numpy.typing import NDArray
 from .errors import SettingsError
 from .grid import IrradianceVectorGrid
 from .moments import NAMES, moments
+from .partitions import Partitions
 from .settings import Spatial
 
 Float32 = NDArray[np.float32]
@@ -30,7 +35,8 @@ Float32 = NDArray[np.float32]
 PLANES = (*NAMES, "lit")
 """In the order of the image; red, green and blue of the first twelve are the three channels.
 
-Of ``lit``, red is the validity, green 1 where a vertex takes part in look-ups and 0 where not, blue 0.
+Of ``lit``, red is the validity, green 1 where a vertex takes part in look-ups and 0 where not, blue 1 where walls
+divide it and 0 where not.
 """
 LIT = PLANES.index("lit")
 BORDER = 1
@@ -48,10 +54,18 @@ class AtlasLayout:
         Voxels (Ni, Nj, Nk) of the grid.
     across
         Slices side by side.
+    walls
+        Most walls that divide one vertex.
     """
 
     resolution: tuple[int, int, int]
     across: int
+    walls: int = 0
+
+    @property
+    def planes(self) -> int:
+        """Return how many texels a vertex has."""
+        return len(PLANES) + (self.walls + 1 if self.walls else 0)
 
     @property
     def tile(self) -> tuple[int, int]:
@@ -62,19 +76,29 @@ class AtlasLayout:
     def size(self) -> tuple[int, int]:
         """Return the image's width and height, texels."""
         width, height = self.tile
-        return width * len(PLANES) * self.across, height * -(-(self.resolution[2] + 1) // self.across)
+        return width * self.planes * self.across, height * -(-(self.resolution[2] + 1) // self.across)
 
     def texel(
         self, i: NDArray[np.integer], j: NDArray[np.integer], k: NDArray[np.integer], plane: int
     ) -> tuple[NDArray[np.integer], NDArray[np.integer]]:
         """Return the column and row, from the left and from below, of vertices' texels in a plane."""
         width, height = self.tile
-        column = (len(PLANES) * (k % self.across) + plane) * width + BORDER + i
+        column = (self.planes * (k % self.across) + plane) * width + BORDER + i
         return column, k // self.across * height + BORDER + j
 
 
-def layout(resolution: tuple[int, int, int]) -> AtlasLayout:
+def most_walls(grid: IrradianceVectorGrid) -> int:
+    """Return the most walls that divide one vertex of a grid."""
+    return int(np.diff(grid.partitions.start).max())
+
+
+def layout(resolution: tuple[int, int, int], walls: int = 0) -> AtlasLayout:
     """Return the layout of the image that is nearest to a square.
+
+    Parameters
+    ----------
+    walls
+        Most walls that divide one vertex.
 
     Raises
     ------
@@ -82,7 +106,7 @@ def layout(resolution: tuple[int, int, int]) -> AtlasLayout:
         There is none that graphics cards take.
     """
     slices = resolution[2] + 1
-    ways = (AtlasLayout(resolution, across) for across in range(1, slices + 1))
+    ways = (AtlasLayout(resolution, across, walls) for across in range(1, slices + 1))
     best = min(ways, key=lambda way: (max(way.size), math.prod(way.size)))
     if max(best.size) > LARGEST_SIDE:
         raise SettingsError(
@@ -93,7 +117,10 @@ def layout(resolution: tuple[int, int, int]) -> AtlasLayout:
 
 
 def image_bytes(resolution: tuple[int, int, int]) -> int:
-    """Return what the image takes in memory, as Blender and graphics cards hold it; raises `SettingsError`."""
+    """Return what the image takes in memory, as Blender and graphics cards hold it; raises `SettingsError`.
+
+    Walls are known only after the bake, and not counted.
+    """
     return math.prod(layout(resolution).size) * 16
 
 
@@ -110,30 +137,54 @@ def atlas(grid: IrradianceVectorGrid, spatial: Spatial) -> Float32:
     SettingsError
         The grid is too large for an image.
     """
-    where = layout(grid.resolution)
-    values = grid.interpolated(spatial)
-    planes = _planes(values, grid.validity)
+    where = layout(grid.resolution, most_walls(grid))
+    planes = _planes(grid.interpolated(spatial), grid, where)
     width, height = where.size
     pixels = np.zeros((height, width, 3), dtype=np.float32)
     across, up = where.tile
     for k in range(planes.shape[0]):
         bordered = np.pad(planes[k], ((0, 0), (BORDER, BORDER), (BORDER, BORDER), (0, 0)), mode="edge")
         row = k // where.across * up
-        column = k % where.across * len(PLANES) * across
-        block = pixels[row : row + up, column : column + len(PLANES) * across]
+        column = k % where.across * where.planes * across
+        block = pixels[row : row + up, column : column + where.planes * across]
         block[:] = bordered.transpose(1, 0, 2, 3).reshape(block.shape)
     return pixels
 
 
-def _planes(values: Float32, validity: Float32) -> Float32:
-    """Return the texels (Nk+1, planes, Nj+1, Ni+1, 3) of vectors (Ni+1, Nj+1, Nk+1, 6, 3 channel, 3 xyz)."""
+def _planes(values: Float32, grid: IrradianceVectorGrid, where: AtlasLayout) -> Float32:
+    """Return the texels (Nk+1, planes, Nj+1, Ni+1, 3) of a grid.
+
+    Parameters
+    ----------
+    values : (Ni+1, Nj+1, Nk+1, 6, 3 channel, 3 xyz)
+        What is interpolated.
+    """
+    validity = grid.validity
     slices = validity.shape[2]
-    texels = np.empty((slices, len(PLANES), validity.shape[1], validity.shape[0], 3), dtype=np.float32)
+    texels = np.empty((slices, where.planes, validity.shape[1], validity.shape[0], 3), dtype=np.float32)
+    divided = grid.partitions.divided.reshape(validity.shape)
     for k in range(slices):
         lit = validity[:, :, k] > 0.0
         # Vertices that take no part are black, whatever they hold.
         texels[k, :LIT] = (moments(values[:, :, k]) * lit[..., None, None]).transpose(2, 1, 0, 3)
         texels[k, LIT, ..., 0] = validity[:, :, k].T
         texels[k, LIT, ..., 1] = lit.T
-        texels[k, LIT, ..., 2] = 0.0
+        texels[k, LIT, ..., 2] = divided[:, :, k].T
+    if where.walls:
+        walls = _walls(grid.partitions, where.walls).reshape(*validity.shape, where.walls + 1, 3)
+        texels[:, len(PLANES) :] = walls.transpose(2, 3, 1, 0, 4)
+    return texels
+
+
+def _walls(partitions: Partitions, most: int) -> Float32:
+    """Return the texels (vertices, most + 1, 3) of the walls of all vertices."""
+    start, count = partitions.start[:-1], np.diff(partitions.start)
+    texels = np.zeros((len(start), most + 1, 3), dtype=np.float32)
+    texels[:, most] = -1.0
+    some = np.flatnonzero(count)
+    for wall in range(most):
+        plane = partitions.planes[start[some] + np.minimum(wall, count[some] - 1)]
+        size = 1.0 + plane[:, 4:]
+        texels[some, wall] = size * plane[:, :3]
+        texels[some, most, wall] = size[:, 0] * plane[:, 3]
     return texels

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from .compiled import inlined, kernel, merged
 from .dual_cells import Lattice
-from .partitions import Partitions
+from .grid import BEHIND
+from .partitions import LEAST_SPOKEN, WITHIN, Partitions
 from .reconstruction import DIRECTIONAL_CODES, directional_coefficients
 from .settings import Directional, Spatial
 from .sides import hears, speaks_for
@@ -26,16 +27,6 @@ Float64 = NDArray[np.float64]
 
 CHUNK = 32_768
 """Points that a thread looks up at a time."""
-
-_BEHIND = 0.02
-"""What remains of the weight of a vertex right behind a surface, so that weights never vanish."""
-
-
-_WITHIN = 1e-6
-"""How far from its faces a position surely lies in a voxel, in floating point."""
-
-_LEAST_SPOKEN = 0.1
-"""Of the weight of lit vertices around a point, that those which speak for it must have."""
 
 
 @merged
@@ -116,7 +107,7 @@ def lean(validity, g, n, support, base, proximity, vertices, weights):
             for c in range(support):
                 ahead = (base[0] + a - g[0]) * n[0] + (base[1] + b - g[1]) * n[1] + (base[2] + c - g[2]) * n[2]
                 if validity[vertices[entry]] > 0.0:
-                    weights[entry] *= ((1.0 + min(max(ahead, -1.0), 1.0)) / 2.0 + _BEHIND) ** proximity
+                    weights[entry] *= ((1.0 + min(max(ahead, -1.0), 1.0)) / 2.0 + BEHIND) ** proximity
                 else:
                     weights[entry] = 0.0
                 entry += 1
@@ -151,7 +142,7 @@ def step_back(validity, start, planes, g, n, counts, vertices, weights, size):
             wall = start[vertices[entry]]
             while hears(planes, wall, g, n) and wall + 1 < start[vertices[entry] + 1]:
                 wall += 1
-    moves = wall >= 0 and spoken < _LEAST_SPOKEN * total
+    moves = wall >= 0 and spoken < LEAST_SPOKEN * total
     if moves:
         for axis in range(3):
             g[axis] = min(max(g[axis] - 0.5 * planes[wall, axis], 0.0), counts[axis] - 1.0)
@@ -198,10 +189,26 @@ def unit(x, y, z):
 
 @kernel
 def look_up(
-    points, normals, vectors, validity, start, planes, low, voxel, counts, spatial_support, directional, bias, out
+    points,
+    normals,
+    facing,
+    bumps,
+    vectors,
+    validity,
+    start,
+    planes,
+    low,
+    voxel,
+    counts,
+    spatial_support,
+    directional,
+    bias,
+    out,
 ):
     """Fill out (n, 3) with E(p, n) of n points and normals, both (n, 3) float64.
 
+    Where the look-up is made, and which vertices see the point, is told by the surface's own normals `facing` (n, 3);
+    without `bumps` they are the same.
     Beside vertices with planes the interpolation is trilinear: wider ones reach vertices behind the wall.
 
     vectors : (vertices, 54) float32, validity : (vertices,) float32
@@ -218,7 +225,7 @@ def look_up(
     blended = np.empty(54, dtype=np.float32)
     some_divided = len(planes) > 0
     for q in range(len(points)):
-        n = unit(normals[q, 0], normals[q, 1], normals[q, 2])
+        n = unit(facing[q, 0], facing[q, 1], facing[q, 2])
         for axis in range(3):
             position = (points[q, axis] - low[axis]) / voxel[axis]
             g[axis] = min(max(position, 0.0), counts[axis] - 1.0)
@@ -242,7 +249,7 @@ def look_up(
                     # Beside a wall not into the next voxel: whose vertices know which side they are on is not known.
                     low_end, high_end = 0.0, counts[axis] - 1.0
                     if divided:
-                        low_end, high_end = base[axis] + _WITHIN, base[axis] + 1.0 - _WITHIN
+                        low_end, high_end = base[axis] + WITHIN, base[axis] + 1.0 - WITHIN
                     g[axis] = min(max(position, low_end), high_end)
                 stencil(g, counts, support, base, w)
                 weigh(validity, counts, support, base, w, vertices, weights)
@@ -251,6 +258,8 @@ def look_up(
         if divided:
             leave_to_speakers(start, planes, here, n, vertices, weights, support * support * support)
         total = blend(vectors, vertices, weights, support * support * support, blended)
+        if bumps:
+            n = unit(normals[q, 0], normals[q, 1], normals[q, 2])
         directional_coefficients(directional, n, c)
         for channel in range(3):
             e = 0.0
@@ -272,8 +281,16 @@ def irradiance(
     spatial: Spatial,
     directional: Directional,
     normal_bias: float,
+    facing: Float64 | None = None,
 ) -> Float32:
-    """Return E (n, 3) float32 W/m² at points with unit normals, (n, 3) float64; several threads."""
+    """Return E (n, 3) float32 W/m² at points with normals, (n, 3) float64; several threads.
+
+    Parameters
+    ----------
+    facing : (n, 3) float64, optional
+        The surface's own normals where `normals` are those of bumps on it.
+    """
+    own = normals if facing is None else facing
     out = np.empty((len(points), 3), dtype=np.float32)
     grid = (
         vectors.reshape(-1, 54),
@@ -290,7 +307,7 @@ def irradiance(
 
     def chunk(start: int) -> None:
         part = slice(start, start + CHUNK)
-        look_up(points[part], normals[part], *grid, out[part])
+        look_up(points[part], normals[part], own[part], facing is not None, *grid, out[part])
 
     starts = range(0, len(points), CHUNK)
     if len(starts) < 2:

@@ -266,7 +266,7 @@ def test_an_image_that_is_no_grid_is_refused(file: Path) -> None:
 @pytest.mark.parametrize(
     ("key", "value", "says"),
     [
-        ("version", 2, "newer Irradiance Vector Grid (layout 2, this version has 1): update"),
+        ("version", 3, "newer Irradiance Vector Grid (layout 3, this version has 2): update"),
         ("version", "one", "no layout that is known"),
         ("record", "{", "damaged properties"),
         ("record", "{}", "damaged header"),
@@ -286,11 +286,11 @@ def test_arrays_of_another_version_are_refused(image: Image) -> None:
 
 
 def test_a_bake_never_replaces_what_a_newer_version_stored(image: Image) -> None:
-    image[grid_image.KEY]["version"] = 2
+    image[grid_image.KEY]["version"] = 3
     bpy.ops.mesh.primitive_cube_add()
     with pytest.raises(RuntimeError, match="bake a grid of another name"):
         bpy.ops.ivg.bake(photons=1_000, resolution=(2, 2, 2))
-    assert image[grid_image.KEY]["version"] == 2
+    assert image[grid_image.KEY]["version"] == 3
 
 
 def lose_file(volume: bpy.types.Volume) -> None:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ivg_addon.core.errors import SettingsError
 from ivg_addon.core.grid import IrradianceVectorGrid
 from ivg_addon.core.grid_atlas import BORDER, LARGEST_SIDE, LIT, PLANES, AtlasLayout, atlas, layout
+from ivg_addon.core.partitions import Partitions
 from ivg_addon.core.reconstruction import coefficients
 from ivg_addon.core.settings import Directional, Spatial
 
@@ -64,6 +65,33 @@ def test_planes_hold_what_the_interpolation_needs(spatial: Spatial) -> None:
     np.testing.assert_array_equal(lit[..., 1], baked.validity > 0)
 
 
+def test_walls_stand_in_planes_of_their_own() -> None:
+    """N, D and s of each come back from (1 + s) N and (1 + s) D; the last repeats, and who has none speaks for all."""
+    rng = np.random.default_rng(5)
+    count = np.arange(LATTICE.vertex_count) % 4
+    start = np.concatenate([[0], np.cumsum(count)]).astype(np.int32)
+    normal = rng.normal(size=(start[-1], 3))
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    planes = np.column_stack([normal, rng.uniform(-9, 9, start[-1]), rng.uniform(0, 1, start[-1])]).astype(np.float32)
+    baked = grid(rng.normal(size=(*LATTICE.shape, 6, 3, 3)), partitions=Partitions(start, planes))
+    where, pixels = layout(baked.resolution, 3), atlas(baked, Spatial.TRILINEAR)
+    assert pixels.shape[1::-1] == where.size
+    walls = np.stack([texels(pixels, where, len(PLANES) + number).reshape(-1, 3) for number in range(4)], axis=1)
+    size = np.linalg.norm(walls[:, :3], axis=2)
+    for vertex, own in enumerate(count):
+        assert texels(pixels, where, LIT).reshape(-1, 3)[vertex, 2] == (own > 0)
+        for number in range(3):
+            if own == 0:
+                assert (size[vertex, number], walls[vertex, 3, number]) == (0.0, -1.0)
+                continue
+            n, d, s = np.split(planes[start[vertex] + min(number, own - 1)].astype(np.float64), [3, 4])
+            # Products of single precision.
+            length = size[vertex, number]
+            np.testing.assert_allclose(walls[vertex, number] / length, n, atol=1e-6)
+            np.testing.assert_allclose(walls[vertex, 3, number] / length, d, atol=1e-5)
+            np.testing.assert_allclose(length - 1.0, s, atol=1e-6)
+
+
 def test_the_border_repeats_the_edge() -> None:
     """What bilinear filtering, or a B-spline's outer weights, reach beyond a plane is its own edge."""
     baked = random_grid()
@@ -76,18 +104,21 @@ def test_the_border_repeats_the_edge() -> None:
             np.testing.assert_array_equal(tile, np.pad(tile[1:-1, 1:-1], ((1, 1), (1, 1), (0, 0)), mode="edge"))
 
 
-@pytest.mark.parametrize("resolution", [(1, 1, 1), (5, 4, 7), (20, 22, 20), (128, 128, 128), (1023, 1, 1023)])
-def test_no_two_numbers_share_a_texel(resolution: tuple[int, int, int]) -> None:
-    where = layout(resolution)
+@pytest.mark.parametrize(
+    ("resolution", "walls"),
+    [((1, 1, 1), 0), ((5, 4, 7), 3), ((20, 22, 20), 1), ((128, 128, 128), 0), ((1023, 1, 1023), 0)],
+)
+def test_no_two_numbers_share_a_texel(resolution: tuple[int, int, int], walls: int) -> None:
+    where = layout(resolution, walls)
     width, height = where.size
     assert max(width, height) <= LARGEST_SIDE
     i, j, k = (axis.reshape(-1) for axis in np.indices(tuple(n + 1 for n in resolution)))
     seen = np.zeros((height, width), dtype=bool)
-    for plane in range(len(PLANES)):
+    for plane in range(where.planes):
         column, row = where.texel(i, j, k, plane)
         assert not seen[row, column].any()
         seen[row, column] = True
-    assert seen.sum() == len(PLANES) * len(i)
+    assert seen.sum() == where.planes * len(i)
 
 
 def test_what_no_graphics_card_takes_is_refused() -> None:

@@ -205,6 +205,21 @@ def test_vertices_behind_a_surface_count_less() -> None:
 ONE = [(0.0, 0.0, 0.0)]
 
 
+def test_bumps_change_whence_light_is_received_and_not_where() -> None:
+    """Vertices of uniform fields, each as bright as it likes: a lit normal changes nothing, a surface's all weights."""
+    rng = np.random.default_rng(2)
+    validity = np.clip(rng.uniform(-0.2, 1.2, LATTICE.shape), 0.0, 1.0)
+    baked = grid(UNIFORM * rng.uniform(1.0, 2.0, LATTICE.shape)[..., None, None, None], validity, LATTICE)
+    points = rng.uniform(LOW, HIGH, (200, 3))
+    facing, bumps = rng.normal(size=(2, 200, 3))
+    values = baked.interpolated(Spatial.TRILINEAR), baked.validity, baked.partitions, baked.lattice
+    way = Spatial.TRILINEAR, Directional.LEAST_SQUARES, 0.25
+    plain, bumped = (look_up.irradiance(*values, points, n, *way, facing=facing) for n in (facing, bumps))
+    np.testing.assert_allclose(bumped, plain, rtol=64 * FLOAT32)
+    assert np.abs(look_up.irradiance(*values, points, bumps, *way) - plain).max() > 0.1
+    np.testing.assert_array_equal(plain, baked.irradiance(points, facing))
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
