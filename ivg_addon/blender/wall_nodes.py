@@ -37,7 +37,7 @@ def fill_sides(group: bpy.types.ShaderNodeTree, reading: Reading) -> None:
         side = maths.math("MULTIPLY_ADD", slack, maths.dot(v, into["Normal"]), distance)
         beyond = maths.math("LESS_THAN", side, 0.0)
         silent = beyond if silent is None else maths.math("MAXIMUM", silent, beyond)
-        wall = v if wall is None else maths.chosen(maths.math("LESS_THAN", distance, 0.0), v, wall)
+        wall = v if wall is None else maths.chosen(beyond, v, wall)
     assert silent is not None and wall is not None
     maths.outputs({"Speaks": ("Float", maths.math("SUBTRACT", 1.0, silent)), "Wall": ("Vector", wall)})
 

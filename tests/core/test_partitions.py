@@ -150,7 +150,9 @@ def test_a_wall_on_a_floor_does_not_send_the_look_up_through_the_floor() -> None
     planes = floor.partitions.planes.reshape(*CUBE.shape, 5)
     number = np.ones(CUBE.shape, dtype=np.int64)
     number[2:, :, 2:] = 2
-    rows = [[plane, [1.0, 0.0, 0.0, 2.5, 1e-3]][:n] for plane, n in zip(planes.reshape(-1, 5), number.flat, strict=True)]
+    rows = [
+        [plane, [1.0, 0.0, 0.0, 2.5, 1e-3]][:n] for plane, n in zip(planes.reshape(-1, 5), number.flat, strict=True)
+    ]
     start = np.concatenate([[0], np.cumsum(number)]).astype(np.int32)
     both = Partitions(start, np.array([plane for row in rows for plane in row], dtype=np.float32))
     values = np.where(np.arange(CUBE.shape[2]) >= 2, 100.0, 1.0)
