@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from .compiled import inlined, kernel, merged
 from .dual_cells import Lattice
+from .look_up_rules import BEHIND, LEAST_SPOKEN
 from .partitions import Partitions
 from .reconstruction import DIRECTIONAL_CODES, directional_coefficients
 from .settings import Directional, Spatial
@@ -27,15 +28,8 @@ Float64 = NDArray[np.float64]
 CHUNK = 32_768
 """Points that a thread looks up at a time."""
 
-_BEHIND = 0.02
-"""What remains of the weight of a vertex right behind a surface, so that weights never vanish."""
-
-
 _WITHIN = 1e-6
 """How far from its faces a position surely lies in a voxel, in floating point."""
-
-_LEAST_SPOKEN = 0.1
-"""Of the weight of lit vertices around a point, that those which speak for it must have."""
 
 
 @merged
@@ -116,7 +110,7 @@ def lean(validity, g, n, support, base, proximity, vertices, weights):
             for c in range(support):
                 ahead = (base[0] + a - g[0]) * n[0] + (base[1] + b - g[1]) * n[1] + (base[2] + c - g[2]) * n[2]
                 if validity[vertices[entry]] > 0.0:
-                    weights[entry] *= ((1.0 + min(max(ahead, -1.0), 1.0)) / 2.0 + _BEHIND) ** proximity
+                    weights[entry] *= ((1.0 + min(max(ahead, -1.0), 1.0)) / 2.0 + BEHIND) ** proximity
                 else:
                     weights[entry] = 0.0
                 entry += 1
@@ -151,7 +145,7 @@ def step_back(validity, start, planes, g, n, counts, vertices, weights, size):
             wall = start[vertices[entry]]
             while hears(planes, wall, g, n) and wall + 1 < start[vertices[entry] + 1]:
                 wall += 1
-    moves = wall >= 0 and spoken < _LEAST_SPOKEN * total
+    moves = wall >= 0 and spoken < LEAST_SPOKEN * total
     if moves:
         for axis in range(3):
             g[axis] = min(max(g[axis] - 0.5 * planes[wall, axis], 0.0), counts[axis] - 1.0)
