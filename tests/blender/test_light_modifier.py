@@ -253,9 +253,12 @@ def test_a_new_bake_is_read_at_once(extension: str, baked: IrradianceVectorGrid,
     ball.matrix_world = PLACE
     lit_up(ball)
     before = stored(evaluated(ball).mesh)
+    staleness, scene = module(extension, "staleness"), bpy.context.scene
     again = cut_grid(seed=1)
+    staleness.saw(scene, again.record.checksum, staleness.edits(scene))
     store(extension, "Room", again, tmp_path)
     bpy.context.view_layer.update()
+    assert staleness.freshness(scene) is staleness.Freshness.FRESH
     mesh = evaluated(ball).mesh
     assert np.abs(stored(mesh) - before).max() > 0.1
     assert_close(at_corners(mesh), expected_at_corners(again, mesh, PLACE))
