@@ -7,8 +7,8 @@ Cycles finds with the stone in the room, over the pixels that show nothing but t
 light, shading its hollows and the room, the grid does not know: that is part of the error. So the last column has the
 error of what is stored against Cycles in the room *without* the stone, at random ones of its points.
 
-Exits with 1 if the relative RMSE of all frames together, without Cycles' own noise, is above what is asked for. About ten
-minutes on two cores.
+Exits with 1 if the relative RMSE of all frames together, without Cycles' own noise, is above what is asked for. About
+ten minutes on two cores.
 """
 
 from __future__ import annotations
@@ -43,7 +43,6 @@ Float64 = NDArray[np.float64]
 
 SAMPLE = Path(__file__).resolve().parent.parent / "sample_blend" / "semi_dynamic.blend"
 MOVING = "Stone"
-STEP = 10
 ASKED = 0.06
 VOXEL = 0.25
 """Metres."""
@@ -85,6 +84,7 @@ def main() -> int:
     parser.add_argument("--samples", type=int, default=128, help="Cycles' paths per pixel (default 128)")
     parser.add_argument("--points", type=int, default=300, help="points of the stone in the empty room (default 300)")
     parser.add_argument("--percentage", type=int, default=100, help="size of the pictures (default 100)")
+    parser.add_argument("--step", type=int, default=10, help="frames from one to the next (default 10)")
     parser.add_argument("--eevee", action="store_true", help="shade by EEVEE too; needs OpenGL")
     parser.add_argument("--keep", type=Path, help="folder to leave the frames in, as numpy arrays")
     arguments = parser.parse_args()
@@ -103,7 +103,7 @@ def main() -> int:
         scene.render.resolution_percentage = arguments.percentage
         print(f"\n{'frame':>5} {'pixels':>7}  engine         RMSE    ratio  noise of Cycles")
         empty: list[tuple[Float64, Measured]] = []
-        for number in range(scene.frame_start, scene.frame_end + 1, STEP):
+        for number in range(scene.frame_start, scene.frame_end + 1, arguments.step):
             scene.frame_set(number)
             frames.append(rendered(scene, number, engines, arguments.samples, Path(folder)))
             if arguments.keep:

@@ -113,12 +113,12 @@ def of(target: bpy.types.Object) -> bpy.types.NodesModifier | None:
     return next((each for each in target.modifiers if each.type == "NODES" and _is_ours(each.node_group)), None)
 
 
-def lit(scene: bpy.types.Scene) -> list[bpy.types.Object]:
-    """Return the objects of a scene that have the modifier."""
-    return [each for each in scene.objects if of(each) is not None]
+def in_use() -> bool:
+    """Tell whether any object has the modifier; fast enough for drawing."""
+    return any(_is_ours(tree) and tree.users > 0 for tree in bpy.data.node_groups)
 
 
-def problems(image: bpy.types.Image, objects: Iterable[bpy.types.Object]) -> Iterator[str]:
+def problems(image: bpy.types.Image | None, objects: Iterable[bpy.types.Object]) -> Iterator[str]:
     """Yield what is wrong with the modifiers of objects, for drawing."""
     for target in objects:
         modifier = of(target)
@@ -130,7 +130,7 @@ def problems(image: bpy.types.Image, objects: Iterable[bpy.types.Object]) -> Ite
             yield f"'{target.name}' has an IVG Light without a grid: add it again"
         elif UNREADABLE in (warning.message for warning in modifier.node_warnings):
             yield f"'{target.name}': {UNREADABLE}"
-        elif grid.data == grid_volume.volume_of(image) and _reaches_out(target, image):
+        elif image is not None and grid.data == grid_volume.volume_of(image) and _reaches_out(target, image):
             yield f"'{target.name}' reaches out of the grid: there it has the light of the grid's edge"
 
 

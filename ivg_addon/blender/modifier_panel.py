@@ -26,17 +26,15 @@ class IVG_PT_modifier(RenderPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the buttons, where the light is stored, and problems."""
         layout = self.layout
-        lit = light_modifier.lit(context.scene)
         for scope, text in (("SELECTED", "Selected"), ("ALL", "All")):
             row = layout.row(align=True)
             row.operator("ivg.modifier_add", text=f"Light {text} Objects", icon="GEOMETRY_NODES").scope = scope
             row.operator("ivg.modifier_remove", text="", icon="X").scope = scope
-        if lit:
-            objects = "1 object has" if len(lit) == 1 else f"{len(lit):,} objects have"
-            text = f"{objects} its irradiance in the colour attribute '{ATTRIBUTE}': read it by an Attribute node"
+        if light_modifier.in_use():
+            text = f"Irradiance is in the colour attribute '{ATTRIBUTE}': materials read it by an Attribute node"
             draw_wrapped(layout, context, text, icon="INFO")
         image = context.scene.ivg.grid
-        if image is None or grid_image.version_problem(image):
+        if image is not None and grid_image.version_problem(image):
             return
         found = light_modifier.problems(image, islice(context.selected_objects, _MOST_LOOKED_AT))
         for problem in islice(found, _MOST_SAID):

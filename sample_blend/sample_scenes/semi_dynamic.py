@@ -19,10 +19,10 @@ SCREEN = ((0.55, 0.1, -SUNK), (0.7, 2.5 + SUNK, 2.3))
 
 FRAMES = 80
 FLIGHT = (
-    (1, (-2.75, 0.9, 1.0), (0.0, 0.0, 0.0)),
-    (21, (-2.4, 0.5, 1.9), (0.6, 0.3, 1.6)),
-    (41, (-0.8, 0.3, 1.5), (0.2, 0.9, 3.0)),
-    (56, (0.6, -0.5, 1.4), (-0.3, 0.5, 4.2)),
+    (1, (-2.6, 0.9, 0.9), (0.0, 0.0, 0.0)),
+    (21, (-2.3, 0.5, 1.6), (0.6, 0.3, 1.6)),
+    (41, (-0.8, 0.3, 1.3), (0.2, 0.9, 3.0)),
+    (56, (0.6, -0.4, 1.3), (-0.3, 0.5, 4.2)),
     (68, (1.5, 0.2, 1.2), (0.4, 0.0, 5.1)),
     (80, (1.6, 1.2, 1.0), (0.0, 0.4, 6.0)),
 )
@@ -48,16 +48,16 @@ def build_semi_dynamic() -> None:
 def _add_lights(group: bpy.types.Collection) -> None:
     """Add the lamp over the lit side, a spot on the red wall, and a night light behind the screen."""
     warm, cool = (1.0, 0.93, 0.82), (0.80, 0.90, 1.0)
-    lamp = area_light(group, "Lamp", (-1.5, 0.6, 3.1), size=(0.8, 0.8), watts=70.0, colour=warm)
-    aim(lamp, (-1.7, 0.6, 0.0))
+    lamp = area_light(group, "Lamp", (-1.4, 1.5, 3.1), size=(1.2, 0.8), watts=70.0, colour=warm)
+    aim(lamp, (-1.6, 1.2, 0.0))
     spot_light(group, "Spot", (-1.2, -1.6, 2.9), (-3.5, 0.8, 1.2), degrees=50.0, blend=0.4, watts=90.0)
     point_light(group, "Night Light", (3.0, 2.0, 0.5), radius=0.1, watts=4.0, colour=cool)
 
 
 def _add_stone(group: bpy.types.Collection) -> None:
     """Add the stone and its flight; a bake leaves it out."""
-    stone = add(group, "Stone", mesh("Stone", ball(8, 0.42), diffuse("Sandstone", (0.56, 0.50, 0.42)), smooth=True))
-    carve(stone, 3, (Relief("VORONOI", 0.22, 0.13), Relief("CLOUDS", 0.05, 0.02)))
+    stone = add(group, "Stone", mesh("Stone", ball(8, 0.3), diffuse("Sandstone", (0.46, 0.41, 0.34)), smooth=True))
+    carve(stone, 3, (Relief("VORONOI", 0.16, 0.09), Relief("CLOUDS", 0.04, 0.015)))
     for frame, place, turns in FLIGHT:
         stone.location, stone.rotation_euler = Vector(place), turns
         stone.keyframe_insert("location", frame=frame)

@@ -273,7 +273,7 @@ def test_missing_file_out_of_the_grid_and_other_objects(
     ball, camera = smooth_ball(), add_object("Camera", bpy.data.cameras.new("Camera"))
     assert lit_up(camera) == {"CANCELLED"}
     lit_up(ball, camera)
-    assert [each.name for each in light_modifier.lit(bpy.context.scene)] == [ball.name]
+    assert light_modifier.of(camera) is None
     assert "reaches out" in next(light_modifier.problems(image, [ball]))
     ball.matrix_world = PLACE
     bpy.context.view_layer.update()
@@ -304,10 +304,30 @@ def test_of_a_newer_version_is_left_alone_and_an_older_one_replaced(extension: s
     assert ball.modifiers[0].node_group["ivg"]["version"] == 1
 
 
-def test_taken_off_it_leaves_nothing(baked: object) -> None:
+def test_taken_off_it_leaves_nothing(extension: str, baked: object) -> None:
+    light_modifier = module(extension, "light_modifier")
     ball = smooth_ball()
     groups, objects = len(bpy.data.node_groups), len(bpy.data.objects)
     lit_up(ball)
+    assert light_modifier.in_use()
     assert bpy.ops.ivg.modifier_remove(scope="ALL") == {"FINISHED"}
     assert not ball.modifiers
+    assert not light_modifier.in_use()
     assert (len(bpy.data.node_groups), len(bpy.data.objects)) == (groups, objects)
+
+
+def test_goes_with_objects_into_other_files(extension: str, baked: IrradianceVectorGrid, tmp_path: Path) -> None:
+    """Linked, an object brings its light along and is left alone; nodes need neither the scene nor its settings."""
+    ball = smooth_ball()
+    ball.name = "Ball"
+    ball.matrix_world = PLACE
+    lit_up(ball)
+    here = stored(evaluated(ball).mesh)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "room.blend"))
+    bpy.ops.wm.read_homefile(use_empty=True)
+    with bpy.data.libraries.load(str(tmp_path / "room.blend"), link=True) as (_, wanted):
+        wanted.objects = ["Ball"]
+    (linked,) = wanted.objects
+    bpy.context.scene.collection.objects.link(linked)
+    np.testing.assert_array_equal(stored(evaluated(linked).mesh), here)
+    assert "linked" in module(extension, "light_modifier").hindrance(linked)
