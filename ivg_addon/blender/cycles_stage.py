@@ -101,9 +101,10 @@ def truthful(
 
     Off is what trades truth for less noise (clamping, denoising, adaptive sampling, filtered glossy, fast global
     illumination), what scales the result (film exposure), and what a grid knows nothing of (motion blur, further view
-    layers, objects that only show a grid, what bakes leave out). A path has at most `bounces` bounces in all and as many diffuse ones, as a
-    photon's path has. Limits of other bounces, caustics, light tree, path guiding and the device stay as the user has
-    them: the light that glass and metal pass on belongs to the truth, whether the bake knows of it or not.
+    layers, objects that only show a grid or are left out of bakes). A path has at most `bounces` bounces in all and as
+    many diffuse ones, as a photon's path has. Limits of other bounces, caustics, light tree, path guiding and the
+    device stay as the user has them: the light that glass and metal pass on belongs to the truth, whether the bake
+    knows of it or not.
     """
     cycles, render = scene.cycles, scene.render
     other_layers = {(layer, "use"): layer.name == view_layer.name for layer in scene.view_layers}
