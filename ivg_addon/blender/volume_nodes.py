@@ -167,7 +167,8 @@ class _LookUp:
         slacks = build.split(self._at("VECTOR", self._slacks, vertex))
         speaks: Value = 1.0
         wall: Value = (0.0, 0.0, 0.0)
-        for normal, offset, slack in zip(normals, offsets, slacks, strict=True):
+        # The first plane that denies x decides: it comes last.
+        for normal, offset, slack in reversed([*zip(normals, offsets, slacks, strict=True)]):
             distance = build.math("SUBTRACT", build.vector("DOT_PRODUCT", normal, x), offset)
             distance = build.math("MULTIPLY_ADD", slack, build.vector("DOT_PRODUCT", normal, self._n), distance)
             behind = build.math("LESS_THAN", distance, 0.0)
