@@ -38,6 +38,8 @@ def _classes() -> list[type]:
     from .export_vdb import IVG_OT_export_vdb
     from .grid_remove import IVG_OT_grid_remove
     from .inspection_mesh import IVG_OT_inspection_mesh
+    from .modifier_add import IVG_OT_modifier_add
+    from .modifier_remove import IVG_OT_modifier_remove
     from .restore import IVG_OT_restore
 
     return [
@@ -52,5 +54,7 @@ def _classes() -> list[type]:
         IVG_OT_export_vdb,
         IVG_OT_grid_remove,
         IVG_OT_inspection_mesh,
+        IVG_OT_modifier_add,
+        IVG_OT_modifier_remove,
         IVG_OT_restore,
     ]

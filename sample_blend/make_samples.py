@@ -8,11 +8,16 @@ Blender that the extension supports.
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
+# Objects have settings of this extension.
+sys.path.append(str(Path(__file__).resolve().parents[1]))
+
 from sample_scenes.cornell import build_cornell, build_cornell_tilted
 from sample_scenes.gallery import build_gallery
+from sample_scenes.semi_dynamic import build_semi_dynamic
 from sample_scenes.stage import save
 from sample_scenes.two_rooms import build_two_rooms
 
@@ -21,6 +26,7 @@ SAMPLES: dict[str, Callable[[], None]] = {
     "cornell_tilted": build_cornell_tilted,
     "two_rooms": build_two_rooms,
     "gallery": build_gallery,
+    "semi_dynamic": build_semi_dynamic,
 }
 
 

@@ -137,7 +137,7 @@ def _bake_and_write(
         result.grid.save(path)
         if volume_path is not None:
             stored = _prepare(result.grid, spatial)
-            vdb_grid.save(result.grid, volume_path, Spatial(spatial))
+            vdb_grid.save(result.grid, volume_path, Spatial.TRILINEAR)
         yield Progress("Writing the grid", 1.0)
     except GeneratorExit:
         # Cancelled while the files were written.

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..core.errors import SceneError, SettingsError
 from ..core.settings import Vec3
 from .inspection_mark import is_inspection
+from .left_out import LeftOut
 
 Float64 = NDArray[np.float64]
 Resolution = tuple[int, int, int]
@@ -68,15 +69,19 @@ def scene_box(depsgraph: bpy.types.Depsgraph) -> Box:
     """Return a box around everything in an evaluated scene that is rendered as a surface.
 
     It is the smallest one up to `EXACT_VERTICES` vertices of turned meshes; of those beyond, the
-    boxes in their own space are taken, so it may be larger than needed, never smaller.
+    boxes in their own space are taken, so it may be larger than needed, never smaller. What is left
+    out of the bake does not count.
     A bake takes the box of the triangles that it traces. Raises `SceneError` when nothing is
     rendered.
     """
     points = []
+    left_out = LeftOut()
     vertices_left = EXACT_VERTICES
     for instance in depsgraph.object_instances:
         shown = instance.object
         if shown.type not in SURFACE_TYPES or not instance.show_self or shown.hide_render or is_inspection(shown):
+            continue
+        if left_out.has(instance):
             continue
         own = np.array(shown.bound_box, dtype=np.float64)
         if not np.isfinite(own).all() or not np.ptp(own, axis=0).any():

@@ -16,6 +16,7 @@ import bpy
 
 from ..core.errors import SceneError
 from .inspection_mark import inspection_objects
+from .left_out import left_out
 
 Settings = Mapping[tuple[bpy.types.bpy_struct, str], Any]
 """Values by the Blender data that has them and the name of the property."""
@@ -28,6 +29,8 @@ def cycles_stage(
     scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer, *, samples: int, bounces: int, seed: int
 ) -> Iterator[tuple[bpy.types.Scene, bpy.types.ViewLayer]]:
     """Set the stage: Cycles, tracing paths of at most so many bounces without any bias; see `truthful`.
+
+    Objects that a bake leaves out are not on it, so that both have the same light.
 
     Raises
     ------
@@ -98,9 +101,10 @@ def truthful(
 
     Off is what trades truth for less noise (clamping, denoising, adaptive sampling, filtered glossy, fast global
     illumination), what scales the result (film exposure), and what a grid knows nothing of (motion blur, further view
-    layers, objects that only show a grid). A path has at most `bounces` bounces in all and as many diffuse ones, as a
-    photon's path has. Limits of other bounces, caustics, light tree, path guiding and the device stay as the user has
-    them: the light that glass and metal pass on belongs to the truth, whether the bake knows of it or not.
+    layers, objects that only show a grid or are left out of bakes). A path has at most `bounces` bounces in all and as
+    many diffuse ones, as a photon's path has. Limits of other bounces, caustics, light tree, path guiding and the
+    device stay as the user has them: the light that glass and metal pass on belongs to the truth, whether the bake
+    knows of it or not.
     """
     cycles, render = scene.cycles, scene.render
     other_layers = {(layer, "use"): layer.name == view_layer.name for layer in scene.view_layers}
@@ -121,7 +125,7 @@ def truthful(
         **{(cycles, f"use_{feature}"): False for feature in _BIASED},
         **{(render, f"use_{feature}"): False for feature in _UNKNOWN_TO_GRIDS},
         **other_layers,
-        **{(shown, "hide_render"): True for shown in inspection_objects(scene)},
+        **{(shown, "hide_render"): True for shown in (*inspection_objects(scene), *left_out(scene))},
     }
 
 

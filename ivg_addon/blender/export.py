@@ -32,6 +32,7 @@ from .export_geometry import GeometryReader
 from .export_lights import export_lights
 from .export_materials import MaterialTable
 from .jobs import PatientSteps, Runner, Steps, in_foreground
+from .left_out import LeftOut
 from .light_linking import LinkingReader
 from .light_nodes import NodeLight, light_node_steps
 from .scenes import find_scene
@@ -143,12 +144,14 @@ def _read_steps(
     view_layer = depsgraph.view_layer_eval
     materials = MaterialTable(depsgraph.scene_eval, view_layer.material_override, evaluate)
     geometry = GeometryReader(materials, depsgraph)
+    left_out = LeftOut()
     count = max(1, len(depsgraph.object_instances))
     for index, instance in enumerate(depsgraph.object_instances):
-        geometry.add(instance)
+        if not left_out.has(instance):
+            geometry.add(instance)
         yield Progress("Reading the scene", _WORLD + (_READING - _WORLD) * index / count)
     linking = LinkingReader()
-    lights, light_notices = export_lights(depsgraph, linking, node_lights, world)
+    lights, light_notices = export_lights(depsgraph, linking, node_lights, world, left_out)
     light_rules = linking.rules(geometry.objects, geometry.shadow_visible, depsgraph)
     return _Reading(
         meshes=geometry.meshes,
@@ -164,6 +167,7 @@ def _read_steps(
         notices=merge(
             (
                 *_colour_notices(),
+                *left_out.notices(),
                 *geometry.notices,
                 *light_notices,
                 *linking.notices,

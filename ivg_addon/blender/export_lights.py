@@ -26,6 +26,7 @@ from ..core.report import Notice, merge
 from .emission_nodes import constant_emission
 from .export_colours import ColourReader, Notes
 from .export_images import ImageTable
+from .left_out import LeftOut
 from .light_linking import LinkingReader
 from .light_nodes import NodeLight, frame, half_angle, uses_nodes
 from .world_map import WorldLight, lights_diffuse, world_of
@@ -48,6 +49,7 @@ def export_lights(
     linking: LinkingReader | None = None,
     evaluated: Mapping[str, NodeLight] | None = None,
     world: WorldLight | None = None,
+    left_out: LeftOut | None = None,
 ) -> tuple[Lights, tuple[Notice, ...]]:
     """Return every light that a depsgraph shows, instances too, and the world.
 
@@ -63,14 +65,17 @@ def export_lights(
     world
         What the world is where it is more than one colour; see `world_map`. Without it such a world lights nothing: a
         render, which this may run inside of, is no place to start another.
+    left_out
+        Learns which lights are left out by their objects' settings.
     """
     linking = linking or LinkingReader()
+    left_out = left_out or LeftOut()
     patterns: dict[int, Pattern] = {}
     rows: dict[type, list[Row]] = {AreaLights: [], PointLights: [], SunLights: []}
     notices: list[Notice] = []
     for instance in depsgraph.object_instances:
         light = instance.object
-        if light.type != "LIGHT" or not _renders(instance):
+        if light.type != "LIGHT" or not _renders(instance) or left_out.has(instance):
             continue
         notes = Notes(f"light '{light.name}'")
         if not _lights_diffuse(instance):

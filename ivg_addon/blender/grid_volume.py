@@ -37,6 +37,14 @@ def volume_of(image: bpy.types.Image) -> bpy.types.Volume | None:
     return found if isinstance(found, bpy.types.Volume) else None
 
 
+def is_grid(thing: bpy.types.ID) -> bool:
+    """Tell whether a datablock is the volume of a grid."""
+    if not isinstance(thing, bpy.types.Volume):
+        return False
+    stored = thing.get(KEY)
+    return hasattr(stored, "get") and stored.get("format") == FORMAT
+
+
 def volume_path(grid_file: Path) -> Path:
     """Return where to write the OpenVDB file of a grid: beside its file, where Blender will read it.
 

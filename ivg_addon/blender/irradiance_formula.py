@@ -12,10 +12,10 @@ from collections.abc import Callable
 
 import bpy
 
-from ..core.grid import BEHIND, DEFAULT_NORMAL_BIAS
+from ..core.grid import DEFAULT_NORMAL_BIAS
 from ..core.grid_atlas import LIT
+from ..core.look_up_rules import BEHIND, WITHIN
 from ..core.moments import NAMES
-from ..core.partitions import WITHIN
 from .grid_reading import CORNERS, Reading, unlit, weights
 from .node_maths import BLACK, NodeMaths, Number, Socket, Vector
 from .reconstruction_nodes import coefficients

@@ -35,6 +35,7 @@ from .export_colours import ColourReader, Notes
 from .export_images import ImageTable
 from .ground_truth import bake_irradiance
 from .jobs import PatientSteps, Steps
+from .left_out import is_left_out
 from .light_content import light_key, nodes_in
 from .light_falloff import knows_distance, read_falloff
 
@@ -168,7 +169,7 @@ def _lights(scene: bpy.types.Scene) -> Iterator[bpy.types.Object]:
     while waiting:
         collection = waiting.pop()
         for item in collection.all_objects:
-            if item.type == "LIGHT" and item.name_full not in seen:
+            if item.type == "LIGHT" and item.name_full not in seen and not is_left_out(item):
                 seen.add(item.name_full)
                 yield item
             inner = item.instance_collection

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is stored in the .blend: `scene.ivg`, the settings of a bake and what the last one did.
+"""What is stored in the .blend: `scene.ivg`, the settings of a bake and what the last one did, and `object.ivg`.
 
 The settings are declared once, by `settings_properties`: the same names, limits and tooltips serve
 `scene.ivg` and the operators' overrides. Every enum item has its number, because that number is
@@ -24,6 +24,7 @@ from bpy.props import (
     StringProperty,
 )
 
+from . import staleness
 from .grid_image import is_grid
 from .inspection_properties import IvgInspection
 
@@ -332,11 +333,33 @@ class IvgSettings(bpy.types.PropertyGroup):
     )
 
 
-_CLASSES = (IvgRow, IvgNotice, IvgOutcome, IvgInspection, IvgSettings)
+def _left_out_or_not(settings: IvgObjectSettings, context: bpy.types.Context) -> None:
+    """Note that the light of the object's scenes may be another."""
+    for scene in settings.id_data.users_scene:
+        staleness.edited(scene)
+    settings.id_data.update_tag()
+
+
+class IvgObjectSettings(bpy.types.PropertyGroup):
+    """`object.ivg`: what a bake makes of an object."""
+
+    __annotations__ = {
+        "leave_out": BoolProperty(
+            name="Leave Out of the Bake",
+            description="Bake as if the object, what it instances and the light it gives were not there, though they "
+            "render: for what moves. Hold Alt to set it for all selected objects",
+            default=False,
+            update=_left_out_or_not,
+            options=set(),
+        ),
+    }
+
+
+_CLASSES = (IvgRow, IvgNotice, IvgOutcome, IvgInspection, IvgSettings, IvgObjectSettings)
 
 
 def register() -> None:
-    """Give every scene its `ivg`."""
+    """Give every scene and every object its `ivg`."""
     for index, cls in enumerate(_CLASSES):
         try:
             bpy.utils.register_class(cls)
@@ -345,16 +368,18 @@ def register() -> None:
                 bpy.utils.unregister_class(registered)
             raise
     bpy.types.Scene.ivg = PointerProperty(type=IvgSettings)
+    bpy.types.Object.ivg = PointerProperty(type=IvgObjectSettings)
 
 
 def unregister() -> None:
-    """Take `ivg` away from the scenes; what the files hold stays there."""
+    """Take `ivg` away from scenes and objects; what the files hold stays there."""
+    del bpy.types.Object.ivg
     del bpy.types.Scene.ivg
     for cls in reversed(_CLASSES):
         bpy.utils.unregister_class(cls)
 
 
 def ensure_registered() -> None:
-    """Give scenes their `ivg` unless the extension, or an earlier call, has done so."""
+    """Give scenes and objects their `ivg` unless the extension, or an earlier call, has done so."""
     if not hasattr(bpy.types.Scene, "ivg"):
         register()

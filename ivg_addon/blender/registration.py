@@ -16,11 +16,14 @@ from . import (
     inspection_overlay,
     inspection_panel,
     jobs,
+    modifier_panel,
+    object_panel,
     panels,
     properties,
     staleness,
 )
 
+_PANELS = (grid_panel, inspection_panel, modifier_panel, panels, object_panel)
 _undo = ExitStack()
 """What `unregister` does, the last first."""
 
@@ -31,7 +34,7 @@ def register() -> None:
         properties.register()
         done.callback(properties.unregister)
         # Panels stand in the order in which they are registered.
-        for cls in (panels.IVG_PT_main, *grid_panel.CLASSES, *inspection_panel.CLASSES, *panels.CLASSES):
+        for cls in (panels.IVG_PT_main, *(each for part in _PANELS for each in part.CLASSES)):
             bpy.utils.register_class(cls)
             done.callback(bpy.utils.unregister_class, cls)
         bpy.types.TOPBAR_MT_render.append(panels.draw_menu)

@@ -111,6 +111,8 @@ def _answer(path: Path, greeting: dict[str, Any], output: TextIO) -> Any:
         question = pickle.load(file)
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     bpy.data.scenes[0].name = "Nothing"  # so that what is read keeps its name
+    # Objects have settings that are honoured here too.
+    importlib.import_module(greeting["package"] + ".blender.properties").ensure_registered()
     _set_preferences(greeting)
     datablocks = _read(path, question)
     steps = question.answer(lambda: datablocks, *question.arguments, **question.named)

@@ -13,10 +13,11 @@ from enum import Enum
 import bpy
 import numpy as np
 
-from . import grid_image
+from . import grid_image, grid_volume, light_modifier
 from .inspection_mark import inspection_objects, is_inspection
+from .left_out import is_left_out
 
-_LIT_TYPES = frozenset(
+LIT_TYPES = frozenset(
     {"MESH", "CURVE", "SURFACE", "FONT", "META", "CURVES", "POINTCLOUD", "LIGHT", "VOLUME", "GREASEPENCIL"}
 )
 _DATA = (
@@ -77,23 +78,36 @@ def saw(scene: bpy.types.Scene, checksum: str, edits_then: int) -> None:
 def watch(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     """Mark a scene as changed when what was evaluated anew could change its light."""
     rebuilt = depsgraph.id_type_updated("SCENE")
-    if any(_matters(update, rebuilt) for update in depsgraph.updates) or (rebuilt and _contents_changed(scene)):
-        _edits[scene.session_uid] = edits(scene) + 1
-        if scene.ivg.seen_checksum and not scene.ivg.changed_since and scene.is_editable:
-            scene.ivg.changed_since = True
+    another_grid = any(grid_volume.is_grid(update.id) for update in depsgraph.updates)
+    if any(_matters(update, rebuilt, another_grid) for update in depsgraph.updates) or (
+        rebuilt and _contents_changed(scene)
+    ):
+        edited(scene)
 
 
-def _matters(update: bpy.types.DepsgraphUpdate, rebuilt: bool) -> bool:
+def edited(scene: bpy.types.Scene) -> None:
+    """Mark a scene as changed."""
+    _edits[scene.session_uid] = edits(scene) + 1
+    if scene.ivg.seen_checksum and not scene.ivg.changed_since and scene.is_editable:
+        scene.ivg.changed_since = True
+
+
+def _matters(update: bpy.types.DepsgraphUpdate, rebuilt: bool, another_grid: bool) -> bool:
     """Tell whether an update could change light: selecting does not, nor do cameras and empties that move.
 
-    Where Blender has `rebuilt` the relations between datablocks, it calls the shading of every object updated.
+    Where Blender has `rebuilt` the relations between datablocks, it calls the shading of every object updated; where
+    the volume has `another_grid`, objects whose modifier stores its light are updated, but not what light meets.
     """
     changed = update.id
     if is_inspection(changed):
         return False
     if isinstance(changed, bpy.types.Object):
-        told = update.is_updated_geometry or update.is_updated_transform or (update.is_updated_shading and not rebuilt)
-        return told and (changed.type in _LIT_TYPES or changed.instance_type != "NONE")
+        if changed.type == "VOLUME" and grid_volume.is_grid(changed.data):
+            return False
+        reshaped = update.is_updated_geometry and not (another_grid and light_modifier.of(changed) is not None)
+        told = reshaped or update.is_updated_transform or (update.is_updated_shading and not rebuilt)
+        lights_or_is_lit = changed.type in LIT_TYPES or changed.instance_type != "NONE"
+        return told and lights_or_is_lit and not is_left_out(changed.original)
     if isinstance(changed, bpy.types.Image):
         return not grid_image.is_grid(changed)
     return isinstance(changed, _DATA)

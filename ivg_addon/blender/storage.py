@@ -114,7 +114,7 @@ def restore(image: bpy.types.Image, scene: bpy.types.Scene) -> bpy.types.Volume:
     if volume is not None and not grid_volume.problem(image):
         return volume
     path = _volume_file(volume, scene)
-    vdb_grid.save(grid, path, spatial)
+    vdb_grid.save(grid, path, Spatial.TRILINEAR)
     return grid_volume.put(image, path)
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import bpy
 
 from ..core.grid_atlas import LIT, PLANES
-from ..core.partitions import LEAST_SPOKEN
+from ..core.look_up_rules import LEAST_SPOKEN
 from .grid_reading import CORNERS, Reading, weights
 from .node_maths import NodeMaths, Number, Socket, Vector
 

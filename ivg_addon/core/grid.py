@@ -18,8 +18,6 @@ from .settings import BakeSettings, Directional, Spatial, Vec3
 
 DEFAULT_NORMAL_BIAS = 0.25
 """In voxels; measured in docs/method.md, "Cells cut by geometry"."""
-BEHIND = 0.02
-"""What remains of the weight of a vertex right behind a surface, so that weights never vanish."""
 
 
 @dataclass(frozen=True)

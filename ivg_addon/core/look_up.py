@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from .compiled import inlined, kernel, merged
 from .dual_cells import Lattice
-from .grid import BEHIND
-from .partitions import LEAST_SPOKEN, WITHIN, Partitions
+from .look_up_rules import BEHIND, LEAST_SPOKEN, WITHIN
+from .partitions import Partitions
 from .reconstruction import DIRECTIONAL_CODES, directional_coefficients
 from .settings import Directional, Spatial
 from .sides import hears, speaks_for

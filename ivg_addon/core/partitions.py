@@ -21,10 +21,6 @@ from numpy.typing import NDArray
 
 MOST_PLANES = 3
 """Of a vertex: in the corner of a room three walls meet."""
-WITHIN = 1e-6
-"""How far from its faces a position surely lies in a voxel, in floating point: beside walls look-ups stay in theirs."""
-LEAST_SPOKEN = 0.1
-"""Of the weight of lit vertices around a point, that those which speak for it must have."""
 
 
 @dataclass(frozen=True)

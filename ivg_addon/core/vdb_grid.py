@@ -23,6 +23,7 @@ from .errors import GridFileError
 from .grid import IrradianceVectorGrid
 from .grid_parts import arrays, assemble, digest, header, parse_header
 from .moments import moments
+from .partitions import MOST_PLANES
 from .settings import Spatial
 from .whole_file import replacing
 
@@ -32,6 +33,11 @@ VERSION = 1
 
 DIRECTIONS = ("px", "nx", "py", "ny", "pz", "nz")
 """p for positive, n for negative, in the order of `IrradianceVectorGrid.vectors`."""
+RESOLUTION = "resolution"
+DIVIDED = "divided"
+PLANE_NORMALS = tuple(f"plane_{number}" for number in range(1, MOST_PLANES + 1))
+PLANE_OFFSETS, PLANE_SLACKS = "plane_offsets", "plane_slacks"
+"""Names of grids that look-ups read, besides F and D."""
 CHANNELS = "RGB"
 AXES = np.array([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)], dtype=np.float32)
 
@@ -92,8 +98,11 @@ def _grids(grid: IrradianceVectorGrid) -> Iterator[vdb.VdbGrid]:
 def _look_up_grids(grid: IrradianceVectorGrid, spatial: Spatial) -> Iterator[vdb.VdbGrid]:
     """Yield F and D_k (moments.py) of the values that look-ups interpolate, and where they may: 12 vectors and a mask.
 
-    E(n) = ½ (F·n + Σ_k D_k·W_k(n)) per channel, W_k the rows of the least-squares reconstruction.
+    E(n) = ½ (F·n + Σ_k D_k·W_k(n)) per channel, W_k the rows of the least-squares reconstruction. Nodes learn how many
+    voxels there are from a grid that says so in each, for they cannot ask a file.
     """
+    shape = grid.lattice.shape
+    yield vdb.VdbGrid(RESOLUTION, np.broadcast_to(np.array(grid.resolution, dtype=np.float32), (*shape, 3)))
     lit = grid.validity > 0.0
     values = moments(grid.interpolated(spatial)) * lit[..., None, None]
     for start, name in enumerate(("F", "D_x", "D_y", "D_z")):
@@ -101,6 +110,23 @@ def _look_up_grids(grid: IrradianceVectorGrid, spatial: Spatial) -> Iterator[vdb
             vectors = values[..., 3 * start : 3 * start + 3, channel]
             yield vdb.VdbGrid(f"{name}_{letter}", vectors.astype(np.float32))
     yield vdb.VdbGrid("lit", lit.astype(np.float32))
+    divided = len(grid.planes) > 0
+    yield vdb.VdbGrid(DIVIDED, np.full(shape, divided, dtype=np.float32))
+    if divided:
+        yield from _plane_grids(grid)
+
+
+def _plane_grids(grid: IrradianceVectorGrid) -> Iterator[vdb.VdbGrid]:
+    """Yield the planes that divide vertices (partitions.py), zeros where there are none."""
+    planes = np.zeros((grid.lattice.vertex_count, MOST_PLANES, 5), dtype=np.float32)
+    count = np.diff(grid.plane_start)
+    vertex = np.repeat(np.arange(len(count)), count)
+    planes[vertex, np.arange(len(vertex)) - grid.plane_start[vertex]] = grid.planes
+    planes = planes.reshape(*grid.lattice.shape, MOST_PLANES, 5)
+    for index, name in enumerate(PLANE_NORMALS):
+        yield vdb.VdbGrid(name, planes[..., index, :3])
+    yield vdb.VdbGrid(PLANE_OFFSETS, planes[..., 3])
+    yield vdb.VdbGrid(PLANE_SLACKS, planes[..., 4])
 
 
 def load(path: Path) -> IrradianceVectorGrid:

@@ -43,6 +43,9 @@ PROMISES = {
         (8.5, 24.5, 5.0),
         ("Meteorite", "Flame", "Coral Knot"),
     ),
+    "semi_dynamic": Promise(
+        (320, 180), {"AREA": 1, "SPOT": 1, "POINT": 1}, (40_000, 60_000), (7.5, 5.5, 3.7), ("Stone",)
+    ),
 }
 
 every_sample = pytest.mark.parametrize("name", PROMISES)
@@ -224,3 +227,25 @@ def test_knot_in_the_dark_room_gets_indirect_light_only() -> None:
             *_, thing, _ = scene.ray_cast(depsgraph, corner, Vector(point.tolist()) - corner)
             assert thing is not None
             assert thing.name == "Partition Wall"
+
+
+def test_stone_flies_and_is_left_out_of_the_bake() -> None:
+    """It is clear of walls and screen in every frame, behind the screen where the lamp does not reach in the last."""
+    from ivg_addon.blender.properties import ensure_registered
+
+    ensure_registered()
+    scene = open_sample("semi_dynamic")
+    stone = scene.objects["Stone"]
+    assert [thing.name for thing in scene.objects if thing.ivg.leave_out] == ["Stone"]
+    for frame in range(scene.frame_start, scene.frame_end + 1, 3):
+        scene.frame_set(frame)
+        vertices = evaluated_meshes()["Stone"][0]
+        assert (np.abs(vertices) < (3.5, 2.5, 3.2)).all()
+        assert (vertices[:, 2] > 0.0).all()
+        screen = np.array(scene.objects["Screen"].bound_box)
+        assert not ((vertices > screen.min(axis=0)) & (vertices < screen.max(axis=0))).all(axis=1).any()
+    stone.hide_viewport = True
+    lamp = scene.objects["Lamp"].matrix_world.translation
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    *_, thing, _ = scene.ray_cast(depsgraph, lamp, stone.matrix_world.translation - lamp)
+    assert thing.name == "Screen"

@@ -154,7 +154,7 @@ def test_blender_reads_the_new_volume_after_storing_again(extension: str, image:
     """Of a path that it has read, Blender keeps what it read."""
     volume = bpy.data.volumes["Room"]
     assert volume.grids.load()
-    assert len(volume.grids) == 18 + 6 + 2 + 13
+    assert len(volume.grids) == 18 + 6 + 2 + 15
     before = volume.filepath
     store(extension, "Room", random_grid(1), file.parent)
     assert volume.filepath != before

@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The panel of the modifier "IVG Light": on and off at a click, and what hinders it on the selected objects."""
+
+from __future__ import annotations
+
+from itertools import islice
+
+import bpy
+
+from . import grid_image, light_modifier
+from .modifier_nodes import ATTRIBUTE
+from .panels import RenderPanel, draw_wrapped
+
+_MOST_LOOKED_AT = 100
+"""Selected objects whose modifiers are looked at whenever the panel is drawn."""
+_MOST_SAID = 3
+
+
+class IVG_PT_modifier(RenderPanel, bpy.types.Panel):
+    """Light for things that move."""
+
+    bl_label = "Geometry Nodes"
+    bl_parent_id = "IVG_PT_main"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the buttons, where the light is stored, and problems."""
+        layout = self.layout
+        for scope, text in (("SELECTED", "Selected"), ("ALL", "All")):
+            row = layout.row(align=True)
+            row.operator("ivg.modifier_add", text=f"Light {text} Objects", icon="GEOMETRY_NODES").scope = scope
+            row.operator("ivg.modifier_remove", text="", icon="X").scope = scope
+        if light_modifier.in_use():
+            text = f"Irradiance is in the colour attribute '{ATTRIBUTE}': materials read it by an Attribute node"
+            draw_wrapped(layout, context, text, icon="INFO")
+        image = context.scene.ivg.grid
+        if image is not None and grid_image.version_problem(image):
+            return
+        found = light_modifier.problems(image, islice(context.selected_objects, _MOST_LOOKED_AT))
+        for problem in islice(found, _MOST_SAID):
+            draw_wrapped(layout, context, problem, icon="ERROR")
+
+
+CLASSES = (IVG_PT_modifier,)
