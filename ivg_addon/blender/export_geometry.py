@@ -10,7 +10,7 @@ from __future__ import annotations
 from array import array
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import bpy
@@ -104,7 +104,8 @@ class GeometryReader:
         self._rendered = depsgraph.mode == "RENDER"
         self._shows_hair = depsgraph.view_layer_eval.use_strand
         curves = getattr(depsgraph.scene_eval, "cycles_curves", None)  # absent where Cycles is disabled
-        self._straight_hair = getattr(curves, "shape", "") == "THICK_LINEAR"
+        shape = getattr(curves, "shape", "RIBBONS")
+        self._straight_hair, self._flat_hair = shape == "THICK_LINEAR", shape == "RIBBONS"
         self._notices: list[Notice] = []
         self._parts: dict[tuple[object, ...], list[_Part]] = {}
         self._places: dict[tuple[object, ...], _Places] = {}
@@ -279,8 +280,8 @@ class GeometryReader:
 
     def _keep_tubes(self, key: object, strands: Strands, count: int, subject: str) -> None:
         """Make tubes of some or all of `count` strands."""
-        tubes = strand_tubes(strands)
-        self._keep(key, tubes.mesh)
+        tubes = strand_tubes(replace(strands, round_ends=self._straight_hair))
+        self._keep(key, replace(tubes.mesh, ribbons=self._flat_hair))
         if tubes.thinned or len(strands) < count:
             self._note_thinned(subject, "hairs", tubes.shown, count)
 
