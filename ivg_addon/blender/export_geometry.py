@@ -27,6 +27,7 @@ from .export_materials import MaterialTable
 from .export_needs import Needs
 from .export_strands import hair_systems, read_curves, read_hair, read_points
 from .inspection_mark import is_inspection
+from .instancers import Instancers
 
 _UNREAD = {
     "VOLUME": "volumes are not baked",
@@ -68,10 +69,10 @@ class _Part:
     object: int
     inside: Float32 | None = None
 
-    def add(self, instance: bpy.types.DepsgraphObjectInstance) -> None:
+    def add(self, instance: bpy.types.DepsgraphObjectInstance, instancers: Instancers) -> None:
         """Add an instance of the object."""
         if self.places.needs is not None:
-            look = object_look(instance, self.places.needs)
+            look = object_look(instance, self.places.needs, instancers.look_up)
             self.places.looks.extend([look] * (1 if self.inside is None else len(self.inside)))
         if self.inside is None:
             self.places.objects.append(self.object)
@@ -107,6 +108,7 @@ class GeometryReader:
         shape = getattr(curves, "shape", "RIBBONS")
         self._straight_hair, self._flat_hair = shape == "THICK_LINEAR", shape == "RIBBONS"
         self._notices: list[Notice] = []
+        self._instancers = Instancers()
         self._parts: dict[tuple[object, ...], list[_Part]] = {}
         self._places: dict[tuple[object, ...], _Places] = {}
         self._mesh_index: dict[object, int] = {}
@@ -125,7 +127,7 @@ class GeometryReader:
     @property
     def notices(self) -> tuple[Notice, ...]:
         """Return what was left out or simplified."""
-        return merge(self._notices)
+        return merge((*self._notices, *self._instancers.notices))
 
     def add(self, instance: bpy.types.DepsgraphObjectInstance) -> None:
         """Read one of `Depsgraph.object_instances`."""
@@ -146,7 +148,7 @@ class GeometryReader:
             owner = (instance.instance_object if instance.is_instance else shown) or shown
             self._parts[key] = self._read(instance, shown, owner, [shown, parent] if parent else [shown])
         for part in self._parts[key]:
-            part.add(instance)
+            part.add(instance, self._instancers)
 
     def _read(
         self,
