@@ -52,6 +52,16 @@ def _hair(of: bpy.types.Material) -> None:
     add_object(TESTED, data, location=(-0.1, 0.0, 1.7))
 
 
+def _shaped(shape: str, make: Callable[[bpy.types.Material], object]) -> Callable[[bpy.types.Material], object]:
+    """Return what makes hair of a shape that is not Cycles' default."""
+
+    def made(of: bpy.types.Material) -> None:
+        bpy.context.scene.cycles_curves.shape = shape
+        make(of)
+
+    return made
+
+
 def _points(of: bpy.types.Material) -> None:
     """Hang a cloud of 80 spheres."""
     data = bpy.data.pointclouds.new(TESTED)
@@ -293,6 +303,8 @@ CASES = (
     Case("object: loose edges and points", _in_room(_fluffy_mesh)),
     Case("object: Grease Pencil", _in_room(_grease_pencil)),
     Case("object: hair curves", _in_room(_hair)),
+    Case("object: hair curves, tubes", _in_room(_shaped("THICK", _hair))),
+    Case("object: hair curves, linear tubes", _in_room(_shaped("THICK_LINEAR", _hair))),
     Case("object: hair particles", _in_room(_particles)),
     Case("object: point cloud", _in_room(_points)),
     Case("object: metaball", _in_room(_metaball)),

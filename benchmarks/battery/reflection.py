@@ -5,8 +5,23 @@ from __future__ import annotations
 
 import bpy
 
-from .nodes import Colour, Maker, Tree, Value, add, diffuse, emission, mix, node
-from .stage import TESTED, Case, image, with_ball, with_card, with_floor, with_floor_and_card, with_turned_floor
+from .nodes import Colour, Maker, Tree, Value, add, diffuse, emission, material, mix, node
+from .stage import (
+    ABOVE,
+    TESTED,
+    TILT,
+    Case,
+    add_object,
+    card_mesh,
+    image,
+    plain,
+    room,
+    with_ball,
+    with_card,
+    with_floor,
+    with_floor_and_card,
+    with_turned_floor,
+)
 
 _CLOTH = (0.7, 0.4, 0.2)
 _DEPTH = node("LightPath", "Ray Depth")
@@ -85,6 +100,16 @@ def _facing(output: str) -> Maker:
 
 def _rough(kind: str, roughness: float, colour: Colour = _GLASS) -> Maker:
     return node(kind, Color=colour, Roughness=roughness, IOR=1.45)
+
+
+def _half_shadowless() -> None:
+    """Hang a card of four faces, two of which cast no shadow."""
+    room()
+    made = card_mesh(0.6, plain(TESTED, _CLOTH), cuts=2, name=TESTED)
+    clear = node("BsdfTransparent")
+    made.materials.append(material(TESTED, mix(node("LightPath", "Is Shadow Ray"), diffuse(_CLOTH), clear)))
+    made.polygons.foreach_set("material_index", [0, 1, 1, 0])
+    add_object(TESTED, made, location=ABOVE, rotation_euler=TILT)
 
 
 CASES = (
@@ -181,6 +206,12 @@ CASES = (
         "mix: shadowless by Light Path",
         with_card(mix(node("LightPath", "Is Shadow Ray"), diffuse(_CLOTH), node("BsdfTransparent"))),
     ),
+    Case(
+        "mix: glass without shadow",
+        with_ball(mix(node("LightPath", "Is Shadow Ray"), node("BsdfGlass", IOR=1.4), node("BsdfTransparent"))),
+        paths=_SPECULAR,
+    ),
+    Case("mix: half of a mesh without shadow", _half_shadowless),
     Case(
         "mix: by Light Path, ray depth",
         with_floor(diffuse(node("Math", settings={"operation": "MULTIPLY"}, Value=0.4, Value_001=_DEPTH))),

@@ -148,6 +148,51 @@ def _instanced() -> None:
         _own_property(holder, index)
 
 
+def _instanced_by_nodes() -> None:
+    """Lay tiles by geometry nodes: rows of instances, instanced, both with an attribute of the same name."""
+    room(plain("Floor", (0.05, 0.05, 0.05)))
+    tree = bpy.data.node_groups.new("Tiles", "GeometryNodeTree")
+    tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+
+    def made(kind: str, geometry: bpy.types.NodeSocket | None = None, **inputs: object) -> bpy.types.Node:
+        """Return a node that takes geometry by its first input."""
+        added = tree.nodes.new(f"GeometryNode{kind}")
+        if geometry is not None:
+            tree.links.new(geometry, added.inputs[0])
+        for name, value in inputs.items():
+            socket = added.inputs[name.replace("_", " ")]
+            if isinstance(value, bpy.types.NodeSocket):
+                tree.links.new(value, socket)
+            else:
+                socket.default_value = value
+        return added
+
+    def spread(
+        what: bpy.types.NodeSocket, start: tuple[float, ...], step: tuple[float, ...], first: float
+    ) -> bpy.types.Node:
+        """Instance something on six points with identifiers, and number the instances by an attribute."""
+        line = made("MeshLine", Count=6, Start_Location=start, Offset=step)
+        index = made("InputIndex").outputs[0]
+        number, shade = (tree.nodes.new("ShaderNodeMath") for _ in range(2))
+        for line_of, factor, summand in ((number, -7.0, 100.0), (shade, 0.17, first)):
+            line_of.operation = "MULTIPLY_ADD"
+            tree.links.new(index, line_of.inputs[0])
+            line_of.inputs[1].default_value, line_of.inputs[2].default_value = factor, summand
+        points = made("SetID", line.outputs[0], ID=number.outputs[0])
+        instances = made("InstanceOnPoints", points.outputs[0], Instance=what)
+        stored = made("StoreNamedAttribute", instances.outputs[0], Name="shade", Value=shade.outputs[0])
+        stored.domain = "INSTANCE"
+        return stored
+
+    tile = made("MeshCube", Size=(0.48, 0.48, 0.1)).outputs[0]
+    painted = made("SetMaterial", tile, Material=material(TESTED, diffuse(_of("shade", "INSTANCER")))).outputs[0]
+    row = spread(painted, (-1.25, 0.0, 0.0), (0.5, 0.0, 0.0), 0.1)
+    rows = spread(row.outputs[0], (0.0, -1.25, 0.0), (0.0, 0.5, 0.0), 0.0)
+    tree.links.new(rows.outputs[0], tree.nodes.new("NodeGroupOutput").inputs[0])
+    host = add_object(TESTED, bpy.data.meshes.new("Nothing"), location=(0.0, 0.0, FLOOR + 0.06))
+    host.modifiers.new("Nodes", "NODES").node_group = tree
+
+
 def _two_materials() -> None:
     """Lay a floor of 16 faces that take turns in two materials, one of them shining."""
     data = card_mesh(1.5, material(TESTED, diffuse(_SAND)), cuts=4, name=TESTED)
@@ -237,6 +282,7 @@ CASES = (
     Case("texture: Object Info, colour", _tiles(lambda: node("ObjectInfo", "Color"), _own_colour)),
     Case("texture: attribute of objects", _tiles(lambda: _of("shade", "OBJECT"), _own_property)),
     Case("texture: attribute of instancers", _instanced),
+    Case("texture: attribute of instances", _instanced_by_nodes),
     Case("texture: two materials in a mesh", _two_materials),
     Case("texture: normal map", _normal_map),
     Case(

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,6 +13,9 @@ from numpy.typing import NDArray
 
 from ..core.scene import Float32
 from .export_needs import Needs
+
+Colour = tuple[float, ...]
+"""Red, green, blue and alpha."""
 
 _MASK = 0xFFFFFFFF
 _VALUE = {"FLOAT": 1, "INT": 1, "BOOLEAN": 1, "INT8": 1, "FLOAT2": 2, "FLOAT_VECTOR": 3}
@@ -69,18 +73,23 @@ class ObjectLook:
         Object colour with alpha.
     index, random
         Pass index; random number in [0, 1].
-    properties
-        Properties (4,) by name, as colours.
+    properties, instanced
+        Properties, and attributes of the instance, by name.
     """
 
-    colour: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
+    colour: Colour = (1.0, 1.0, 1.0, 1.0)
     index: float = 0.0
     random: float = 0.0
-    properties: dict[str, tuple[float, float, float, float]] = field(default_factory=dict)
+    properties: dict[str, Colour] = field(default_factory=dict)
+    instanced: dict[str, Colour] = field(default_factory=dict)
 
 
-def object_look(instance: bpy.types.DepsgraphObjectInstance, needs: Needs) -> ObjectLook:
-    """Return what materials read of an instance."""
+def object_look(
+    instance: bpy.types.DepsgraphObjectInstance,
+    needs: Needs,
+    attribute: Callable[[bpy.types.DepsgraphObjectInstance, str], Colour],
+) -> ObjectLook:
+    """Return what materials read of an instance; `attribute` looks up its attributes by name."""
     shown = instance.object
     if instance.is_instance:
         number = instance.random_id & _MASK
@@ -90,13 +99,18 @@ def object_look(instance: bpy.types.DepsgraphObjectInstance, needs: Needs) -> Ob
         colour=tuple(shown.color),
         index=float(shown.pass_index),
         random=number / _MASK,
-        properties={name: _property(shown, name) for name in needs.properties},
+        properties={
+            name: find_property((shown, shown.data), name) or (0.0, 0.0, 0.0, 0.0) for name in needs.properties
+        },
+        instanced={name: attribute(instance, name) for name in needs.instanced},
     )
 
 
-def _property(shown: bpy.types.Object, name: str) -> tuple[float, float, float, float]:
-    """Return a property as Cycles' Attribute node finds it: a custom one, or a path from the object or its data."""
-    for owner in (shown, shown.data):
+def find_property(owners: tuple[bpy.types.bpy_struct | None, ...], name: str) -> Colour | None:
+    """Return a property as Cycles' Attribute node finds it: a custom one, or a path from its owner; None without."""
+    for owner in owners:
+        if owner is None:
+            continue
         for path in (f'["{bpy.utils.escape_identifier(name)}"]', name):
             try:
                 value = owner.path_resolve(path)
@@ -110,11 +124,11 @@ def _property(shown: bpy.types.Object, name: str) -> tuple[float, float, float, 
                 continue
             red, green, blue, alpha = numbers + [0.0, 0.0, 0.0, 1.0][len(numbers) :]
             return red, green, blue, alpha
-    return 0.0, 0.0, 0.0, 0.0
+    return None
 
 
-def _at_corners(mesh: bpy.types.Mesh, attribute: bpy.types.Attribute) -> Float32 | None:
-    """Return an attribute's values at the face corners, (nc, 4), None where it has none."""
+def attribute_values(attribute: bpy.types.Attribute) -> Float32 | None:
+    """Return an attribute's values as colours, (n, 4), None where it has none."""
     count = len(attribute.data)
     values = np.ones((count, 4), dtype=np.float32)
     if attribute.data_type in _COLOURS:
@@ -127,6 +141,14 @@ def _at_corners(mesh: bpy.types.Mesh, attribute: bpy.types.Attribute) -> Float32
         values[:, :3] = 0.0
         values[:, : 3 if width == 1 else width] = raw
     else:
+        return None
+    return values
+
+
+def _at_corners(mesh: bpy.types.Mesh, attribute: bpy.types.Attribute) -> Float32 | None:
+    """Return an attribute's values at the face corners, (nc, 4), None where it has none."""
+    values = attribute_values(attribute)
+    if values is None:
         return None
     corners = len(mesh.loops)
     if attribute.domain == "CORNER":

@@ -22,6 +22,7 @@ from .evaluation_tree import (
     DEFAULT_UV,
     GENERATED,
     INDEX,
+    INSTANCED,
     LOCAL,
     LOCAL_NORMAL,
     LOCATION,
@@ -176,6 +177,7 @@ def _placed(matrix: NDArray[np.float64], look: ObjectLook, count: int) -> dict[s
         INDEX: (look.index,) * 3 + (1.0,),
         RANDOM: (look.random,) * 3 + (1.0,),
         **{PROPERTY + name: value for name, value in look.properties.items()},
+        **{INSTANCED + name: value for name, value in look.instanced.items()},
     }
     return {name: np.tile(np.array(value, dtype=np.float32), (count, 1)) for name, value in values.items()}
 

@@ -22,8 +22,9 @@ from .export_sockets import LeafSource, mean_over_directions
 GENERATED, LOCAL, LOCAL_NORMAL = "ivg generated", "ivg local", "ivg local normal"
 LOCATION, COLOUR, INDEX, RANDOM = "ivg location", "ivg colour", "ivg index", "ivg random"
 DEFAULT_UV, DEFAULT_COLOUR, ATLAS = "ivg uv", "ivg default colour", "ivg atlas"
-PROPERTY = "ivg property "
-"""Names of the mesh's attributes; after `PROPERTY` comes the name of the object's property."""
+PROPERTY, INSTANCED = "ivg property ", "ivg instanced "
+"""Names of the mesh's attributes; after these two come the names of the object's properties, and of the instance's
+attributes."""
 
 _FROM_OBJECT = {
     "Location": (LOCATION, "Vector"),
@@ -115,9 +116,10 @@ class StageMaterial:
             case "OBJECT_INFO":
                 for output, (attribute, kind) in _FROM_OBJECT.items():
                     _show(tree, node, output, attribute, kind)
-            case "ATTRIBUTE" if node.attribute_type == "OBJECT":
+            case "ATTRIBUTE" if node.attribute_type in ("OBJECT", "INSTANCER"):
+                kind = PROPERTY if node.attribute_type == "OBJECT" else INSTANCED
                 node.attribute_type = "GEOMETRY"
-                node.attribute_name = PROPERTY + node.attribute_name
+                node.attribute_name = kind + node.attribute_name
             case "VERTEX_COLOR" if not node.layer_name:
                 for output in ("Color", "Alpha"):
                     _show(tree, node, output, DEFAULT_COLOUR, output)

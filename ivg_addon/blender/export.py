@@ -22,6 +22,7 @@ from ..core.lights import Lights
 from ..core.memory import human
 from ..core.progress import Progress, part
 from ..core.report import Notice, merge
+from ..core.ribbons import as_ribbons
 from ..core.scene import Int32, Scene, SurfaceRecord
 from .asking import Asker, here
 from .evaluation import Evaluation, evaluation_steps
@@ -194,6 +195,8 @@ def _build_steps(reading: _Reading, name: str, evaluation: Evaluation | None) ->
         notices = (*notices, *evaluation.notices)
     diffuse_visible = np.array(reading.diffuse_visible, dtype=np.bool_)
     geometry = flattened.geometry
+    if len(flattened.ribbons):
+        geometry, materials = as_ribbons(geometry, materials, flattened.ribbons)
     across, others = doubled_triangles(geometry, materials, diffuse_visible)
     if len(across):
         geometry, materials = blackened(geometry, materials, across)

@@ -30,6 +30,8 @@ RAY_THAT_SHADES = {
     "Is Transmission Ray": 0.0,
 }
 """Light Path outputs for the rays that carry diffuse light from surface to surface."""
+SHADOW_RAY = {"Is Shadow Ray": 1.0}
+"""Those for the rays by which a surface asks for the light of lamps."""
 
 
 class Notes:

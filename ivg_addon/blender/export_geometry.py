@@ -10,23 +10,23 @@ from __future__ import annotations
 from array import array
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
 
 import bpy
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
 
 from ..core.instancing import LIGHT_PASSES, Instances, MeshData
 from ..core.report import Notice, merge
-from ..core.scene import Float32, Int32
+from ..core.scene import Float32
 from ..core.spheres import sphere_cloud
 from ..core.strands import Strands, strand_tubes
 from .evaluation_data import ObjectLook, SurfaceData, object_look
 from .export_materials import MaterialTable
+from .export_mesh import read_mesh, read_uv_map
 from .export_needs import Needs
 from .export_strands import hair_systems, read_curves, read_hair, read_points
 from .inspection_mark import is_inspection
+from .instancers import Instancers
 
 _UNREAD = {
     "VOLUME": "volumes are not baked",
@@ -68,10 +68,10 @@ class _Part:
     object: int
     inside: Float32 | None = None
 
-    def add(self, instance: bpy.types.DepsgraphObjectInstance) -> None:
+    def add(self, instance: bpy.types.DepsgraphObjectInstance, instancers: Instancers) -> None:
         """Add an instance of the object."""
         if self.places.needs is not None:
-            look = object_look(instance, self.places.needs)
+            look = object_look(instance, self.places.needs, instancers.look_up)
             self.places.looks.extend([look] * (1 if self.inside is None else len(self.inside)))
         if self.inside is None:
             self.places.objects.append(self.object)
@@ -104,8 +104,10 @@ class GeometryReader:
         self._rendered = depsgraph.mode == "RENDER"
         self._shows_hair = depsgraph.view_layer_eval.use_strand
         curves = getattr(depsgraph.scene_eval, "cycles_curves", None)  # absent where Cycles is disabled
-        self._straight_hair = getattr(curves, "shape", "") == "THICK_LINEAR"
+        shape = getattr(curves, "shape", "RIBBONS")
+        self._straight_hair, self._flat_hair = shape == "THICK_LINEAR", shape == "RIBBONS"
         self._notices: list[Notice] = []
+        self._instancers = Instancers()
         self._parts: dict[tuple[object, ...], list[_Part]] = {}
         self._places: dict[tuple[object, ...], _Places] = {}
         self._mesh_index: dict[object, int] = {}
@@ -124,7 +126,7 @@ class GeometryReader:
     @property
     def notices(self) -> tuple[Notice, ...]:
         """Return what was left out or simplified."""
-        return merge(self._notices)
+        return merge((*self._notices, *self._instancers.notices))
 
     def add(self, instance: bpy.types.DepsgraphObjectInstance) -> None:
         """Read one of `Depsgraph.object_instances`."""
@@ -145,7 +147,7 @@ class GeometryReader:
             owner = (instance.instance_object if instance.is_instance else shown) or shown
             self._parts[key] = self._read(instance, shown, owner, [shown, parent] if parent else [shown])
         for part in self._parts[key]:
-            part.add(instance)
+            part.add(instance, self._instancers)
 
     def _read(
         self,
@@ -190,7 +192,23 @@ class GeometryReader:
                     self.meshes[index].uv_maps[name] = read_uv_map(mesh, name)
             for needs in self._needs(materials):
                 self.data.setdefault(index, SurfaceData()).read(mesh, needs)
-        return [_Part(self._places_of(index, materials, uv_map), self._object(subject, seers))]
+        return self._parts_by_shadow(index, materials, uv_map, subject, seers)
+
+    def _parts_by_shadow(
+        self,
+        mesh: int,
+        materials: tuple[int, ...],
+        uv_map: tuple[str | None, ...],
+        subject: str,
+        seers: list[bpy.types.Object],
+    ) -> list[_Part]:
+        """Return a mesh as one part or two: that with materials that cast shadows, and that with those that do not."""
+        parts = []
+        for casts in (True, False):
+            own = tuple(i if self._materials.casts_shadow(i) == casts else LIGHT_PASSES for i in materials)
+            if any(i != LIGHT_PASSES for i in own):
+                parts.append(_Part(self._places_of(mesh, own, uv_map), self._object(subject, seers, casts)))
+        return parts
 
     def _curves(self, shown: bpy.types.Object, seers: list[bpy.types.Object], subject: str) -> list[_Part]:
         """Read hair curves: as in Cycles, all of the first material."""
@@ -209,7 +227,7 @@ class GeometryReader:
         if wanted is not None:
             uv_map = wanted or next(iter(self.meshes[index].uv_maps), None)
         self._lend_uv(index, uv_map)
-        return [_Part(self._places_of(index, (material,), (uv_map,)), self._object(subject, seers))]
+        return self._parts_by_shadow(index, (material,), (uv_map,), subject, seers)
 
     def _particle_hair(self, shown: bpy.types.Object, seers: list[bpy.types.Object], subject: str) -> list[_Part]:
         """Read the strands of an object's particle systems."""
@@ -228,7 +246,7 @@ class GeometryReader:
             index = self._mesh_index[key]
             self._lend_uv(index, uv_name)
             if len(self.meshes[index].triangle_corners):
-                parts.append(_Part(self._places_of(index, (material,), (uv_name,)), self._object(subject, seers)))
+                parts += self._parts_by_shadow(index, (material,), (uv_name,), subject, seers)
         return parts
 
     def _hair_uv(self, material: int) -> str | None:
@@ -261,7 +279,8 @@ class GeometryReader:
         if key not in self._mesh_index:
             self._keep(key, cloud.mesh)
         places = self._places_of(self._mesh_index[key], (material,), (None,))
-        return [_Part(places, self._object(subject, seers), cloud.matrices)]
+        casts = self._materials.casts_shadow(material)
+        return [_Part(places, self._object(subject, seers, casts), cloud.matrices)]
 
     def _needs(self, materials: tuple[int, ...]) -> list[Needs]:
         """Return what those of some materials need that are still to be evaluated."""
@@ -279,8 +298,8 @@ class GeometryReader:
 
     def _keep_tubes(self, key: object, strands: Strands, count: int, subject: str) -> None:
         """Make tubes of some or all of `count` strands."""
-        tubes = strand_tubes(strands)
-        self._keep(key, tubes.mesh)
+        tubes = strand_tubes(replace(strands, round_ends=self._straight_hair))
+        self._keep(key, replace(tubes.mesh, ribbons=self._flat_hair))
         if tubes.thinned or len(strands) < count:
             self._note_thinned(subject, "hairs", tubes.shown, count)
 
@@ -316,8 +335,8 @@ class GeometryReader:
         self._notices.append(Notice("warning", subject, f"has no {name}: its texture's corner texel is taken"))
         return None
 
-    def _object(self, subject: str, seers: list[bpy.types.Object]) -> int:
-        diffuse, shadow = _visible_to(seers, "diffuse"), _visible_to(seers, "shadow")
+    def _object(self, subject: str, seers: list[bpy.types.Object], casts: bool) -> int:
+        diffuse, shadow = _visible_to(seers, "diffuse"), casts and _visible_to(seers, "shadow")
         key = (subject, diffuse, shadow)
         if key not in self._object_index:
             self._object_index[key] = len(self.objects)
@@ -357,37 +376,3 @@ def _mesh_of(shown: bpy.types.Object) -> Iterator[bpy.types.Mesh]:
         yield shown.to_mesh()
     finally:
         shown.to_mesh_clear()
-
-
-def read_mesh(mesh: bpy.types.Mesh) -> MeshData:
-    """Return a mesh's triangles and normals; UV maps are read when a material asks for them."""
-    mesh.calc_loop_triangles()
-    triangles, corners = len(mesh.loop_triangles), len(mesh.loops)
-    # A mesh that is only partly flat has corner normals that say so.
-    smooth = mesh.normals_domain != "FACE"
-    slot: Int32 | None = None
-    slots = mesh.attributes.get("material_index")
-    if slots is not None:
-        face = _values(mesh.loop_triangle_polygons, "value", (triangles,), np.int32)
-        slot = _values(slots.data, "value", (len(mesh.polygons),), np.int32)[face]
-    return MeshData(
-        positions=_values(mesh.attributes["position"].data, "vector", (len(mesh.vertices), 3), np.float32),
-        corner_vertex=_values(mesh.attributes[".corner_vert"].data, "value", (corners,), np.int32),
-        triangle_corners=_values(mesh.loop_triangles, "loops", (triangles, 3), np.int32),
-        corner_normals=_values(mesh.corner_normals, "vector", (corners, 3), np.float32) if smooth else None,
-        slot=slot,
-    )
-
-
-def read_uv_map(mesh: bpy.types.Mesh, name: str) -> Float32:
-    """Return a UV map's coordinates at the face corners, (nc, 2)."""
-    return _values(mesh.uv_layers[name].uv, "vector", (len(mesh.loops), 2), np.float32)
-
-
-def _values(
-    collection: bpy.types.bpy_prop_collection, attribute: str, shape: tuple[int, ...], dtype: DTypeLike
-) -> NDArray[Any]:
-    """Copy one attribute of all items of a collection."""
-    values = np.empty(shape, dtype=dtype)
-    collection.foreach_get(attribute, values.reshape(-1))
-    return values

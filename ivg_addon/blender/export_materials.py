@@ -27,7 +27,7 @@ from ..core.material_rows import (
 from ..core.report import Notice, merge
 from ..core.scene import Materials, Texture
 from ..core.shade import shade
-from .export_colours import Float64, Notes
+from .export_colours import SHADOW_RAY, Float64, Notes
 from .export_images import ImageTable, ImageUse
 from .export_needs import is_missing
 from .export_surface import SurfaceTree, read_surface
@@ -107,6 +107,7 @@ class MaterialTable:
         self._rows: list[MaterialRow | None] = []
         self._names: list[str] = []
         self._notices: list[Notice] = []
+        self._shadowless: set[int] = set()
         self.unevaluated: dict[int, Unevaluated] = {}
 
     def index(self, material: bpy.types.Material | None) -> int:
@@ -116,6 +117,10 @@ class MaterialTable:
         if key not in self._index:
             self._index[key] = self._add(material)
         return self._index[key]
+
+    def casts_shadow(self, index: int) -> bool:
+        """Tell whether a material stops shadow rays at all."""
+        return index not in self._shadowless
 
     def uv_map(self, index: int) -> str | None:
         """Return the UV map that a material's image lies on ("" the active one), None without image."""
@@ -149,6 +154,7 @@ class MaterialTable:
         """Read a material; return its index, or `LIGHT_PASSES`."""
         name = "(none)" if material is None else str(material.name)
         notes = Notes(f"material '{name}'")
+        shadowless = False
         if material is None:
             tree = SurfaceTree((default_principled(_DEFAULT_COLOUR),))
         elif material.node_tree is None:
@@ -156,10 +162,18 @@ class MaterialTable:
             tree = SurfaceTree((Closure("DIFFUSE", {"Color": (red, green, blue), "Roughness": (0.0,)}),))
         else:
             tree = read_surface(material, notes)
+            shadowless = bool(tree.needs.paths & set(SHADOW_RAY)) and self._is_clear(
+                read_surface(material, Notes(""), SHADOW_RAY)
+            )
+            if shadowless:
+                notes = Notes(f"material '{name}'")
+                tree = read_surface(material, notes, settled=SHADOW_RAY)
         self._notices += notes.notices
-        if not tree.leaves and tree.back is None and lets_light_pass(shade(tree.front, [], self._caustics)):
+        if self._is_clear(tree):
             return LIGHT_PASSES
         row = len(self._names)
+        if shadowless:
+            self._shadowless.add(row)
         sides = 1 if tree.back is None else 2
         self._names += [name] * sides
         self._rows += [None] * sides
@@ -180,6 +194,11 @@ class MaterialTable:
             self._fill(row, name, tree, self._instead(tree, notes), as_constant)
             self._notices += notes.notices
         return row
+
+    def _is_clear(self, tree: SurfaceTree) -> bool:
+        """Tell whether light passes as if nothing were there."""
+        sides = (tree.front,) if tree.back is None else (tree.front, tree.back)
+        return not tree.leaves and all(lets_light_pass(shade(side, [], self._caustics)) for side in sides)
 
     def _single_image(self, tree: SurfaceTree) -> ImageUse | None:
         """Return the image, if there is one, that all of a surface is proportional to."""

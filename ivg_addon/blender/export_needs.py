@@ -64,6 +64,8 @@ class Needs:
         Normals as they are smoothed.
     properties
         Names of properties of the object, read by Attribute nodes.
+    instanced
+        Names of attributes of instances.
     placed
         They depend on where the object is, or which one it is: not all instances of a mesh look alike.
     sided
@@ -90,6 +92,7 @@ class Needs:
     normals: bool = False
     shading_normals: bool = False
     properties: set[str] = field(default_factory=set)
+    instanced: set[str] = field(default_factory=set)
     placed: bool = False
     sided: bool = False
     animated: bool = False
@@ -172,6 +175,9 @@ class Needs:
             self.attributes.add(name)
         elif node.attribute_type == "OBJECT":
             self.properties.add(name)
+            self.placed = True
+        elif node.attribute_type == "INSTANCER":
+            self.instanced.add(name)
             self.placed = True
         else:
             self.unknown.add(f"attribute '{name}' of {node.attribute_type.lower().replace('_', ' ')}s")

@@ -8,6 +8,7 @@ for later.
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,13 +64,27 @@ class SocketReader:
         0 seen from the front, 1 from behind.
     leaves
         Those that are known already, by what they show; more are added.
+    ray
+        What Light Path nodes tell; 0 where it says nothing.
+    settled
+        Outputs of Light Path nodes of which all is known.
     """
 
-    def __init__(self, notes: Notes, side: int, leaves: dict[object, LeafSource], needs: Needs) -> None:
+    def __init__(
+        self,
+        notes: Notes,
+        side: int,
+        leaves: dict[object, LeafSource],
+        needs: Needs,
+        ray: Mapping[str, float] = RAY_THAT_SHADES,
+        settled: Collection[str] = (),
+    ) -> None:
         self.notes = notes
         self._side = side
         self._leaves = leaves
         self._needs = needs
+        self._ray = ray
+        self._settled = settled
 
     def colour(self, entry: Input, name: str = "") -> Value:
         """Return a colour socket's value."""
@@ -89,7 +104,7 @@ class SocketReader:
                 return _constant(output.socket.default_value, colour)
             case "LIGHT_PATH":
                 self._note_path(output, name)
-                return _constant(RAY_THAT_SHADES.get(output.socket.name, 0.0), colour)
+                return _constant(self._ray.get(output.socket.name, 0.0), colour)
             case "NEW_GEOMETRY" if output.socket.name == "Backfacing":
                 self._needs.sided = True
                 return _constant(float(self._side), colour)
@@ -128,8 +143,11 @@ class SocketReader:
 
     def _note_path(self, output: Output, name: str) -> None:
         """Say so where light paths differ in what they would see."""
-        if output.socket.name in DIFFERS_BY_PATH:
-            self.notes.add("simplified", f"{name}: {output.socket.name} of Light Path taken as of diffuse light")
+        path = str(output.socket.name)
+        if path in DIFFERS_BY_PATH:
+            self._needs.paths.add(path)
+        if path in DIFFERS_BY_PATH and path not in self._settled:
+            self.notes.add("simplified", f"{name}: {path} of Light Path taken as of diffuse light")
 
     def _note(self, needs: Needs, name: str) -> None:
         for unknown in sorted(needs.unknown):

@@ -3,13 +3,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 
 import bpy
 
 from ..core.closures import Closure, Factor, Value
-from .export_colours import Notes
+from .export_colours import RAY_THAT_SHADES, Notes
 from .export_needs import Needs, is_undefined
 from .export_nodes import Input, Output, follow
 from .export_sockets import LeafSource, SocketReader
@@ -61,14 +61,19 @@ class SurfaceTree:
     needs: Needs = field(default_factory=Needs)
 
 
-def read_surface(material: bpy.types.Material, notes: Notes) -> SurfaceTree:
-    """Return the surface of a material's node tree."""
+def read_surface(
+    material: bpy.types.Material,
+    notes: Notes,
+    ray: Mapping[str, float] = RAY_THAT_SHADES,
+    settled: Collection[str] = (),
+) -> SurfaceTree:
+    """Return the surface of a material's node tree as a ray sees it; see `SocketReader`."""
     leaves: dict[object, LeafSource] = {}
     needs = Needs()
-    front = _SurfaceReader(SocketReader(notes, 0, leaves, needs), notes).read(material)
+    front = _SurfaceReader(SocketReader(notes, 0, leaves, needs, ray, settled), notes).read(material)
     back = None
     if needs.sided:
-        back = _SurfaceReader(SocketReader(notes, 1, leaves, needs), notes).read(material)
+        back = _SurfaceReader(SocketReader(notes, 1, leaves, needs, ray, settled), notes).read(material)
     return SurfaceTree(front, back, tuple(leaves.values()), needs)
 
 

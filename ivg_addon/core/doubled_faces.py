@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .compiled import inlined, kernel, merged
-from .scene import GLASS, NO_TEXTURE, PANE, REFRACTION, TRANSLUCENT, TRANSPARENT, Float32, Geometry, Materials
+from .scene import LETTING_THROUGH, NO_TEXTURE, Float32, Geometry, Materials
 
-_LETTING_THROUGH = (GLASS, REFRACTION, TRANSLUCENT, TRANSPARENT, PANE)
 BLACK_NAME = "(doubled faces)"
 
 MOST_IN_PLANE = 512
@@ -53,7 +52,7 @@ def doubled_triangles(
     What emits, or lets light through, is left alone.
     """
     opaque: NDArray[np.bool_] = np.asarray(~materials.emission.any(axis=1))
-    passing = materials.lobes.material[np.isin(materials.lobes.kind, _LETTING_THROUGH)]
+    passing = materials.lobes.material[np.isin(materials.lobes.kind, LETTING_THROUGH)]
     opaque[passing] = False
     if materials.back is not None:
         opaque &= opaque[materials.back]

@@ -51,6 +51,8 @@ class MeshData:
         Texture coordinates (nc, 2) float32 by the name of their map; only those that are needed.
     triangle_uvs
         Texture coordinates (nt, 3, 2) float32 that triangles do not share, by the name of their map.
+    ribbons
+        Only fronts meet light: see `ribbons`.
     """
 
     positions: Float32
@@ -60,6 +62,7 @@ class MeshData:
     slot: Int32 | None = None
     uv_maps: dict[str, Float32] = field(default_factory=dict)
     triangle_uvs: dict[str, Float32] = field(default_factory=dict)
+    ribbons: bool = False
 
 
 @dataclass(frozen=True)
@@ -105,11 +108,14 @@ class Flattened:
         Triangles without area, or with coordinates that are not finite, by object index.
     unique_triangles
         Triangles before they were repeated for instances.
+    ribbons : (k,) int64
+        Triangles of meshes that are ribbons.
     """
 
     geometry: Geometry
     dropped: dict[int, int]
     unique_triangles: int
+    ribbons: NDArray[np.int64]
 
 
 class _Store:
@@ -134,6 +140,7 @@ class _Store:
         self.object = np.empty(triangles, dtype=np.int32)
         self.vertex_count = 0
         self.count = 0
+        self.ribbons = [np.zeros(0, dtype=np.int64)]
 
     def geometry(self) -> Geometry:
         n = self.count
@@ -172,7 +179,8 @@ def flatten_steps(meshes: list[MeshData], instances: list[Instances]) -> Generat
             done += len(batch.objects) * (part.stop - part.start)
             yield Progress("Placing geometry", done / triangles)
     used = {group.mesh for group in instances}
-    return Flattened(store.geometry(), dropped, sum(len(meshes[i].triangle_corners) for i in used))
+    unique = sum(len(meshes[i].triangle_corners) for i in used)
+    return Flattened(store.geometry(), dropped, unique, np.concatenate(store.ribbons))
 
 
 @dataclass(frozen=True)
@@ -242,6 +250,8 @@ def _place_triangles(batch: _Batch, part: slice, first_vertex: int, store: _Stor
 
     into = slice(store.count, store.count + len(kept))
     store.count = into.stop
+    if mesh.ribbons:
+        store.ribbons.append(np.arange(into.start, into.stop))
     store.triangles[into] = triangles[chosen]
     store.material[into] = material[chosen]
     store.object[into] = np.repeat(batch.objects, per_instance)[chosen]

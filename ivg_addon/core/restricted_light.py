@@ -6,6 +6,9 @@ j surfaces on its way that its light may light it meets one, each with the proba
 there: all of them receive the light, as they do in Cycles, where what casts no shadow is lit all the same. In the air
 its light counts up to the end of its way, if the light lights objects that its collections do not name.
 
+Mirrors and clear glass are lit by what a ray that leaves them finds: there Cycles asks no shadow ray for lamps. So they
+are no surface on the way where diffuse rays see another before them.
+
 Light that a transparent surface lets pass goes on as restricted as it came; what a surface reflects lights everything.
 """
 
@@ -22,9 +25,10 @@ from .emission import Emission
 from .emission.photons import pick
 from .light_rules import LightRules
 from .lights import NO_LIMIT
+from .microfacets import MIRROR_ALPHA
 from .random import STREAM_EMISSION, random4
 from .scattering import CUT, ENERGY_STEPS
-from .scene import Float32, Int32, Scene
+from .scene import GLASS, GLOSSY, PANE, REFRACTION, TRANSPARENT, Float32, Int32, Materials, Scene
 from .tally import WEIGHT_LIMIT
 
 _STREAM = STREAM_EMISSION + 15
@@ -46,6 +50,8 @@ class RestrictedLight:
         Each emitter's group and most bounces.
     object : (nt,) int32
         From `scene.Geometry`.
+    hides, sharp : (nt,) bool
+        What diffuse rays see, and what is nothing but mirrors and clear glass.
     """
 
     rules: LightRules | None
@@ -53,6 +59,8 @@ class RestrictedLight:
     group: Int32
     limit: Int32
     object: Int32
+    hides: NDArray[np.bool_]
+    sharp: NDArray[np.bool_]
 
     @classmethod
     def of(cls, scene: Scene, emission: Emission) -> RestrictedLight | None:
@@ -80,6 +88,8 @@ class RestrictedLight:
             group=group,
             limit=limit,
             object=scene.geometry.object,
+            hides=scene.diffuse_visible[scene.geometry.object],
+            sharp=_sharp(scene.materials)[scene.geometry.material],
         )
 
     def aimed(self, emission: Emission) -> RestrictedLight:
@@ -143,8 +153,8 @@ class RestrictedLight:
         find_groups(seed, photons, self.cumulative, self.group, group)
         rows = np.flatnonzero((bounces == 0) & (self.rules.restrict_all | (group > 0)))
         way = _Way(
+            self,
             self.rules,
-            self.object,
             tracer,
             seed,
             flight,
@@ -169,13 +179,24 @@ def _repeat_for_boxes(emission: Emission, values: Int32) -> None:
     surroundings[1:, :suns] = surroundings[0, :suns]
 
 
+def _sharp(materials: Materials) -> NDArray[np.bool_]:
+    """Tell which materials, (m,), scatter light but into single directions."""
+    lobes = materials.lobes
+    mirrors = np.isin(lobes.kind, (GLOSSY, GLASS, REFRACTION, PANE)) & (lobes.roughness**2 <= MIRROR_ALPHA)
+    sharp = np.zeros(len(materials.names), dtype=np.bool_)
+    sharp[lobes.material[mirrors]] = True
+    sharp &= ~materials.albedo.any(axis=1)
+    sharp[lobes.material[~mirrors & (lobes.kind != TRANSPARENT)]] = False
+    return sharp
+
+
 class _Way:
     """The first flights of n restricted photons, from surface to surface."""
 
     def __init__(
         self,
+        light: RestrictedLight,
         rules: LightRules,
-        object_of: Int32,
         tracer: Tracer,
         seed: int,
         flight: int,
@@ -185,7 +206,7 @@ class _Way:
         directions: Float32,
         dark: Float32,
     ) -> None:
-        self._object = object_of
+        self._object, self._hides, self._sharp = light.object, light.hides, light.sharp
         self._tracer = tracer
         self._origins, self._directions, self._dark = origins, directions, dark
         bit = np.left_shift(np.uint64(1), group.astype(np.uint64))
@@ -193,6 +214,7 @@ class _Way:
         self._blocks = lambda rows, objects: (rules.blocks[objects] & bit[rows]) != 0
         self._coin = np.empty(len(photons))
         draw(seed, flight, photons, self._coin)
+        self._hidden = np.zeros(len(photons), dtype=np.bool_)
         self.lit = np.zeros(len(photons), dtype=np.int32)
 
     def to_the_end(self, first: Hits) -> Hits:
@@ -220,6 +242,8 @@ class _Way:
     def _light(self, rows: NDArray[np.int64], place: Float32, hits: Hits, found: Hits) -> None:
         """Choose this surface among those that are lit so far, with equal chances."""
         lit = self._receives(rows, self._object[hits.triangle]) & (place > self._dark[rows])
+        lit &= ~(self._hidden[rows] & self._sharp[hits.triangle])
+        self._hidden[rows] |= self._hides[hits.triangle]
         rows, hits = rows[lit], _at(hits, lit)
         self.lit[rows] += 1
         share = 1.0 / self.lit[rows]

@@ -162,6 +162,8 @@ class Lobes:
 VIEW_STEPS = 65
 GLOSSY, GLASS, REFRACTION, TRANSLUCENT, TRANSPARENT, MATTE, SHEEN, PANE = range(8)
 """Kinds of lobes."""
+LETTING_THROUGH = (GLASS, REFRACTION, TRANSLUCENT, TRANSPARENT, PANE)
+"""Those by which light goes through; glass reflects too, all others do nothing else."""
 NONE, SCHLICK, DIELECTRIC = range(3)
 """Shapes of a glossy lobe's Fresnel factor: constant; (1 − cos θ)⁵; that of a dielectric of the lobe's IOR."""
 

@@ -344,6 +344,25 @@ def test_light_paths_that_differ_are_named(output: str, named: bool) -> None:
     assert said(evaluated_scene()) == ([f"simplified: {message}"] if named else [])
 
 
+def test_what_is_clear_to_shadow_rays_casts_no_shadow() -> None:
+    path = node_output("LightPath", "Is Shadow Ray")
+    clear, red = shader("BsdfTransparent"), shader("BsdfDiffuse", Color=RED, Roughness=0.0)
+    shown = show(surface(pair("MixShader", red, clear, path)))
+    shown.data.materials.append(new_material("Other", surface(red)))
+    shown.data.polygons[0].material_index = 1
+    scene = evaluated_scene()
+    assert said(scene) == []
+    assert scene.light_rules is not None
+    casts = scene.light_rules.blocks[scene.geometry.object] != 0
+    names = [scene.materials.names[material] for material in scene.geometry.material[casts]]
+    assert set(names) == {"Other"}
+    assert 0 < casts.sum() < len(casts)
+    np.testing.assert_allclose(scene.materials.albedo[scene.geometry.material], [RED] * len(casts), rtol=1e-6)
+    # Half of a shadow is none that this can do.
+    show(surface(pair("MixShader", red, shader("BsdfTransparent", Color=BLUE), path)))
+    assert len(said(evaluated_scene())) == 1
+
+
 def test_hair_and_points_are_evaluated_too() -> None:
     empty_scene()
     curves = bpy.data.hair_curves.new("Hair")

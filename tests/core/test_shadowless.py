@@ -14,9 +14,10 @@ from ivg_addon.core.dual_cells import Lattice
 from ivg_addon.core.light_rules import LightRules
 from ivg_addon.core.photon_walk import Walk, walk_steps
 from ivg_addon.core.progress import finish
-from ivg_addon.core.scene import Scene
+from ivg_addon.core.scene import GLOSSY, Scene
 from ivg_addon.core.settings import BakeSettings
 
+from .lobe_scenes import lobe, with_lobes
 from .rooms import Part, box, lamp, quad, scene
 from .z_tests import assert_means
 
@@ -53,6 +54,28 @@ def test_every_surface_on_the_way_receives_the_whole_light(count: int) -> None:
     assert_means([each.cut for each in walks], count * rho**2)
     assert_means([each.absorbed for each in walks], count * (1 - rho**2) + 1)
     assert max(each.escaped.max() for each in walks) == 0.0
+
+
+@pytest.mark.parametrize("mirror", [0, 1])
+def test_a_mirror_is_lit_only_where_nothing_hides_the_lamp_from_it(mirror: int) -> None:
+    """Of a grey shell in a mirror's, or around it, what reflects ρ and m sends so much back to itself.
+
+    The black room gets all light; so does a mirror that is not quite one.
+    """
+    parts = shells(2)
+    parts[mirror] = replace(parts[mirror], material=2)
+    of = room_with(parts, casts=False)
+    of = replace(of, materials=scene(parts, (*ALBEDO, ALBEDO[BLACK])).materials)
+    rho2, m2 = np.array(ALBEDO[GREY]) ** 2, 0.25
+
+    def walks(roughness: float) -> list[Walk]:
+        made = with_lobes(of, lobe(GLOSSY, 0.5, material=2, roughness=roughness))
+        return [walk(made, replace(SETTINGS, seed=seed)) for seed in range(24)]
+
+    hidden = mirror == 1
+    assert_means([each.cut for each in walks(0.0)], rho2 + (0.0 if hidden else m2))
+    assert_means([each.absorbed for each in walks(0.0)], (1 - rho2) + (0.0 if hidden else 1 - m2) + 1)
+    assert np.mean([each.cut for each in walks(0.02)]) > rho2.mean() + 0.9 * m2
 
 
 def test_light_falls_as_if_they_were_not_there() -> None:
