@@ -16,6 +16,7 @@ from . import (
     inspection_overlay,
     inspection_panel,
     jobs,
+    materials_panel,
     panels,
     properties,
     staleness,
@@ -31,7 +32,8 @@ def register() -> None:
         properties.register()
         done.callback(properties.unregister)
         # Panels stand in the order in which they are registered.
-        for cls in (panels.IVG_PT_main, *grid_panel.CLASSES, *inspection_panel.CLASSES, *panels.CLASSES):
+        own = (*grid_panel.CLASSES, *materials_panel.CLASSES, *inspection_panel.CLASSES)
+        for cls in (panels.IVG_PT_main, *own, *panels.CLASSES):
             bpy.utils.register_class(cls)
             done.callback(bpy.utils.unregister_class, cls)
         bpy.types.TOPBAR_MT_render.append(panels.draw_menu)
