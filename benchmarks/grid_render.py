@@ -206,7 +206,7 @@ def errors(truth: Truth, with_grid: dict[int, tuple[Shot, Picture]], pictures: P
         ratio = light.mean() / truth.indirect.mean()
         print(f"{name:35} {truth.rmse(light):.4f}   0.07   {ratio:.3f}", flush=True)
         if pictures:
-            save(pictures / f"{name.lower()}.png", name, truth.indirect, light)
+            save(pictures / f"{name.lower()}.png", ("Cycles", f"{name} with the grid"), truth.indirect, light)
 
 
 EEVEE = """
@@ -341,7 +341,8 @@ def detail(size: int, photons: int, pictures: Path | None) -> None:
     print(f"pixels differ by {off.max():.2%} at most, {off.mean():.3%} on average, of the display's range")
     print("(asked: 5 %, 0.5 %)", flush=True)
     if pictures:
-        save(pictures / "detail.png", "baked coarse", shots["fine"], shots["coarse"])
+        names = (f"baked with {triangles(FINE):,} triangles", f"with {triangles(COARSE):,}")
+        save(pictures / "detail.png", names, shots["fine"], shots["coarse"])
 
 
 def triangles(divisions: tuple[int, int]) -> int:
@@ -356,7 +357,7 @@ def displayed(picture: Picture) -> Picture:
     return np.where(light < 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
 
 
-def save(path: Path, name: str, truth: Picture, found: Picture) -> None:
+def save(path: Path, names: tuple[str, str], truth: Picture, found: Picture) -> None:
     """Write the truth, what was found, and the difference of both."""
     mean = float(luminance(truth).mean())
     off = luminance(found - truth) / mean
@@ -364,11 +365,11 @@ def save(path: Path, name: str, truth: Picture, found: Picture) -> None:
     scale = difference_colors(np.linspace(-1.0, 1.0, 64))
     labels = (f"−{limit:.0%}", "0", f"+{limit:.0%}")
     panels = (
-        Panel("Cycles", "", displayed(truth)),
-        Panel(name, "", displayed(found)),
+        Panel(names[0], "", displayed(truth)),
+        Panel(names[1], "", displayed(found)),
         Panel("Difference", "of the mean", difference_colors(off / limit), scale, labels),
     )
-    write_montage(path, "Cornell box", "indirect light", panels, ("",))
+    write_montage(path, "Cornell box", path.stem, panels, ("",))
 
 
 if __name__ == "__main__":
