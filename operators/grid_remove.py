@@ -7,6 +7,7 @@ import bpy
 
 from ..ivg_addon.blender import storage
 from .needs_grid import poll_grid
+from .which_objects import poll_no_render
 
 
 class IVG_OT_grid_remove(bpy.types.Operator):
@@ -14,17 +15,20 @@ class IVG_OT_grid_remove(bpy.types.Operator):
 
     bl_idname = "ivg.grid_remove"
     bl_label = "Remove Irradiance Vector Grid"
-    bl_description = "Remove the scene's grid, its image and its volume, from this file; files on disk stay"
+    bl_description = (
+        "Remove the scene's grid, its image and its volume, from this file, and its light from materials; "
+        "files on disk stay"
+    )
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Only where there is a grid."""
-        return poll_grid(cls, context)
+        """Only where there is a grid, and not while a render reads it."""
+        return poll_grid(cls, context) and poll_no_render(cls)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Remove it."""
         name = context.scene.ivg.grid.name
-        storage.remove(context.scene.ivg.grid)
-        self.report({"INFO"}, f"Removed '{name}'")
+        lit = storage.remove(context.scene.ivg.grid, context.scene)
+        self.report({"INFO"}, f"Removed '{name}'" + (f", and its light from {lit} materials" if lit else ""))
         return {"FINISHED"}

@@ -7,8 +7,9 @@ import bpy
 
 from ..ivg_addon.blender import light_modifier
 from ..ivg_addon.core.errors import IvgError
-from .modifier_scope import report_left_out, scope_property, targets
+from .modifier_targets import report_left_out, targets
 from .needs_grid import poll_grid
+from .which_objects import which_objects
 
 
 class IVG_OT_modifier_add(bpy.types.Operator):
@@ -21,7 +22,7 @@ class IVG_OT_modifier_add(bpy.types.Operator):
         "Modifiers that are there already read the scene's grid"
     )
     bl_options = {"REGISTER", "UNDO"}
-    __annotations__ = {"scope": scope_property()}
+    __annotations__ = {"objects": which_objects("Objects that get the modifier", default="SELECTED")}
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -32,7 +33,7 @@ class IVG_OT_modifier_add(bpy.types.Operator):
         """Add them."""
         settings = context.scene.ivg
         try:
-            outcome = light_modifier.add(settings.grid, targets(context, self.properties.scope), settings.normal_bias)
+            outcome = light_modifier.add(settings.grid, targets(context, self.properties.objects), settings.normal_bias)
         except IvgError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

@@ -6,7 +6,8 @@ from __future__ import annotations
 import bpy
 
 from ..ivg_addon.blender import light_modifier
-from .modifier_scope import report_left_out, scope_property, targets
+from .modifier_targets import report_left_out, targets
+from .which_objects import which_objects
 
 
 class IVG_OT_modifier_remove(bpy.types.Operator):
@@ -16,9 +17,9 @@ class IVG_OT_modifier_remove(bpy.types.Operator):
     bl_label = "Remove Irradiance Vector Grid Modifier"
     bl_description = "Take the modifier IVG Light off objects; they are then as they were before"
     bl_options = {"REGISTER", "UNDO"}
-    __annotations__ = {"scope": scope_property()}
+    __annotations__ = {"objects": which_objects("Objects that lose the modifier", default="SELECTED")}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Remove them."""
-        outcome = light_modifier.remove(targets(context, self.properties.scope))
+        outcome = light_modifier.remove(targets(context, self.properties.objects))
         return report_left_out(self, outcome, "IVG Light is off")

@@ -28,6 +28,7 @@ from .bake_request import BakeRequest, Overrides, read_request
 from .grid_store import compiled_code_folder, keep_compiled_code
 from .grid_volume import volume_path
 from .jobs import Job, PatientSteps, Runner, Steps
+from .scene_light import stays_old
 from .scenes import find_scene
 from .summary import bake_rows, count, duration, voxels
 
@@ -101,7 +102,9 @@ def _bake_steps(
     if isinstance(stored, Notice):
         notices = (*notices, stored)
     elif stored is not None:
-        storage.store(kept_in, request.grid, stored, volume_file)
+        with staleness.no_change_of_light(kept_in):
+            image = storage.store(kept_in, request.grid, stored, volume_file)
+        notices = (*notices, *stays_old(image))
     staleness.saw(kept_in, result.grid.record.checksum, edits)
     seconds = time.perf_counter() - start
     rows = bake_rows(result, scene.surfaces, seconds, peak())

@@ -122,6 +122,11 @@ def _add_bake(commands: Commands) -> argparse.ArgumentParser:
         metavar="OUT.blend",
         help="also save the scene, with the grid in it, these settings and the summary of the bake",
     )
+    bake.add_argument(
+        "--materials",
+        action="store_true",
+        help="with --save-blend: materials there have the grid's light, and renders compute direct light only",
+    )
     bake.set_defaults(run=_run("bake"))
     return bake
 

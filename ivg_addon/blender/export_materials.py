@@ -30,9 +30,11 @@ from ..core.shade import shade
 from .export_colours import SHADOW_RAY, Float64, Notes
 from .export_images import ImageTable, ImageUse
 from .export_needs import is_missing
+from .export_nodes import STAND_IN
 from .export_surface import SurfaceTree, read_surface
 
-_DEFAULT_COLOUR = (0.8, 0.8, 0.8)
+_DEFAULT_COLOUR = (float(np.float32(0.8)),) * 3
+"""To the bit that of a new material."""
 _WRONG = {
     "NaN": "has values that are not numbers: taken as 0",
     "negative": "has negative values: taken as 0",
@@ -152,7 +154,7 @@ class MaterialTable:
 
     def _add(self, material: bpy.types.Material | None) -> int:
         """Read a material; return its index, or `LIGHT_PASSES`."""
-        name = "(none)" if material is None else str(material.name)
+        name = "(none)" if material is None or STAND_IN in material else str(material.name)
         notes = Notes(f"material '{name}'")
         shadowless = False
         if material is None:

@@ -7,6 +7,11 @@ from dataclasses import dataclass
 
 import bpy
 
+ADDED = "ivg_added"
+"""Marks a node that `material_light` has put in: the light of a grid is no part of what is baked."""
+STAND_IN = "ivg_stand_in"
+"""Marks the material that `scene_light` gives to objects without one: it is baked as none is."""
+
 
 @dataclass(frozen=True)
 class Input:
@@ -59,6 +64,8 @@ def follow(entry: Input) -> tuple[Input, Output | None]:
             upstream = _bypass(node, link.from_socket, groups)
         elif node.type == "REROUTE":
             upstream = Input(node.inputs[0], groups)
+        elif node.type == "GROUP" and node.get(ADDED):
+            upstream = Input(node.inputs["BSDF"], groups)
         elif node.type == "GROUP":
             upstream = _into_group(node, link.from_socket, groups)
         elif node.type == "GROUP_INPUT" and groups:

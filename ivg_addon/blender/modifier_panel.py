@@ -26,10 +26,10 @@ class IVG_PT_modifier(RenderPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the buttons, where the light is stored, and problems."""
         layout = self.layout
-        for scope, text in (("SELECTED", "Selected"), ("ALL", "All")):
+        for objects, text in (("SELECTED", "Selected"), ("ALL", "All")):
             row = layout.row(align=True)
-            row.operator("ivg.modifier_add", text=f"Light {text} Objects", icon="GEOMETRY_NODES").scope = scope
-            row.operator("ivg.modifier_remove", text="", icon="X").scope = scope
+            row.operator("ivg.modifier_add", text=f"Light {text} Objects", icon="GEOMETRY_NODES").objects = objects
+            row.operator("ivg.modifier_remove", text="", icon="X").objects = objects
         if light_modifier.in_use():
             text = f"Irradiance is in the colour attribute '{ATTRIBUTE}': materials read it by an Attribute node"
             draw_wrapped(layout, context, text, icon="INFO")

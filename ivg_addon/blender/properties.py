@@ -327,6 +327,11 @@ class IvgSettings(bpy.types.PropertyGroup):
                 options={"HIDDEN"},
             ),
             "inspection": PointerProperty(type=IvgInspection),
+            "settings_before": StringProperty(
+                name="Settings Before",
+                description="Render settings that were changed so that only direct light is computed, as JSON",
+                options={"HIDDEN"},
+            ),
             "last_bake": PointerProperty(type=IvgOutcome),
             "last_compare": PointerProperty(type=IvgOutcome),
         }

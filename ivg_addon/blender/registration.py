@@ -16,6 +16,7 @@ from . import (
     inspection_overlay,
     inspection_panel,
     jobs,
+    materials_panel,
     modifier_panel,
     object_panel,
     panels,
@@ -23,7 +24,7 @@ from . import (
     staleness,
 )
 
-_PANELS = (grid_panel, inspection_panel, modifier_panel, panels, object_panel)
+_PANELS = (grid_panel, materials_panel, inspection_panel, modifier_panel, panels, object_panel)
 _undo = ExitStack()
 """What `unregister` does, the last first."""
 

@@ -8,6 +8,8 @@ the scene as changed, which is all that is done at a redraw or an edit.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from enum import Enum
 
 import bpy
@@ -30,6 +32,10 @@ _edits: dict[int, int] = {}
 """By scene: how often something that could change the light was evaluated anew."""
 _inventories: dict[int, tuple[object, ...]] = {}
 """By scene: what is in it, when it was last looked at."""
+
+
+_unnoticed = False
+"""Whether what is evaluated now changes no light."""
 
 
 class Freshness(Enum):
@@ -74,9 +80,28 @@ def saw(scene: bpy.types.Scene, checksum: str, edits_then: int) -> None:
     scene.ivg.changed_since = edits(scene) != edits_then
 
 
+@contextmanager
+def no_change_of_light(scene: bpy.types.Scene) -> Iterator[None]:
+    """Edit what has no part in a bake of a scene, without being told that the grid may be stale."""
+    global _unnoticed
+    view_layer = bpy.context.view_layer if bpy.context.scene == scene else scene.view_layers[0]
+    # What was edited before is noticed first.
+    view_layer.update()
+    try:
+        yield
+    finally:
+        _unnoticed = True
+        try:
+            view_layer.update()
+        finally:
+            _unnoticed = False
+
+
 @bpy.app.handlers.persistent
 def watch(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     """Mark a scene as changed when what was evaluated anew could change its light."""
+    if _unnoticed:
+        return
     rebuilt = depsgraph.id_type_updated("SCENE")
     another_grid = any(grid_volume.is_grid(update.id) for update in depsgraph.updates)
     if any(_matters(update, rebuilt, another_grid) for update in depsgraph.updates) or (

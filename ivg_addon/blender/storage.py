@@ -14,10 +14,12 @@ import bpy
 from ..core import vdb_grid
 from ..core.errors import GridFileError
 from ..core.settings import Spatial
-from . import grid_image, grid_volume, irradiance_nodes
+from . import grid_image, grid_volume, irradiance_nodes, staleness
 from .grid_image import KEY, PreparedImage, is_grid
 from .grid_store import SUFFIX, absolute, default_grid_path
+from .material_light import grid_of, lit_materials
 from .outcome import grid_file
+from .scene_light import take_out
 
 if TYPE_CHECKING:
     from ..core.grid import IrradianceVectorGrid
@@ -108,8 +110,9 @@ def restore(image: bpy.types.Image, scene: bpy.types.Scene) -> bpy.types.Volume:
         raise GridFileError(f"{grid_image.named(image)} is linked: restore it in that file")
     grid = grid_image.read(image)
     spatial = Spatial(image[KEY].get("spatial", Spatial.TRILINEAR))
-    grid_image.put(grid_image.prepare(grid, spatial), image.name, image)
-    irradiance_nodes.follow(image)
+    with staleness.no_change_of_light(scene):
+        grid_image.put(grid_image.prepare(grid, spatial), image.name, image)
+        irradiance_nodes.follow(image)
     volume = grid_volume.volume_of(image)
     if volume is not None and not grid_volume.problem(image):
         return volume
@@ -166,9 +169,18 @@ def export_vdb(scene: bpy.types.Scene, name: str, filepath: str) -> Path:
     return path
 
 
-def remove(image: bpy.types.Image) -> None:
-    """Remove a grid's image and volume from the .blend; the files stay where they are."""
+def remove(image: bpy.types.Image, scene: bpy.types.Scene) -> int:
+    """Remove a grid's image and volume from the .blend, and its light from materials; the files stay where they are.
+
+    Returns
+    -------
+    int
+        How many materials had its light.
+    """
+    lit = [material for material in lit_materials() if grid_of(material) == image]
+    take_out(scene, lit)
     volume = grid_volume.volume_of(image)
     if volume is not None and not volume.library:
         bpy.data.volumes.remove(volume)
     bpy.data.images.remove(image)
+    return len(lit)

@@ -44,7 +44,7 @@ def baked(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, subprocess.Co
     """Return a folder with the outcome of a small bake, and what the command said."""
     folder = tmp_path_factory.mktemp("baked")
     options = "--photons 2e4 --resolution 3 4 5 --seed 7 --bounces 3 --estimator crossing --threads 1".split()
-    kept = ["--out", folder / "room.ivg.npz", "--save-blend", folder / "kept.blend"]
+    kept = ["--out", folder / "room.ivg.npz", "--save-blend", folder / "kept.blend", "--materials"]
     return folder, run("bake", CORNELL, *options, *kept)
 
 
@@ -92,6 +92,22 @@ print(image.name, digest(storage.load_grid(image)), storage.problem(image) or 'i
     expected = digest(vdb_grid.load(folder / "room.ivg.vdb"))
     told = in_fresh_process(code, folder / "kept.blend")
     assert told == f"IVG Cornell Box {expected} intact //room.ivg.vdb"
+
+
+def test_a_blend_saved_with_materials_renders_with_the_grid(
+    baked: tuple[Path, subprocess.CompletedProcess[str]], tmp_path: Path
+) -> None:
+    code = """
+from ivg_addon.blender import direct_light, material_light
+bpy.ops.wm.open_mainfile(filepath=arguments[0])
+lit = [(material.name, material_light.grid_of(material).name) for material in material_light.lit_materials()]
+print(lit, direct_light.is_direct_only(bpy.context.scene), bpy.context.scene.cycles.diffuse_bounces)
+"""
+    lit = [(name, "IVG Cornell Box") for name in ("Green", "Red", "White")]
+    assert in_fresh_process(code, baked[0] / "kept.blend") == f"{lit} True 0"
+    assert "3 with the light of the grid" in baked[1].stdout
+    told = one_error(run("bake", CORNELL, "--materials", "--out", tmp_path / "a.ivg.npz"))
+    assert "--save-blend" in told
 
 
 def test_a_bake_that_is_not_saved_leaves_its_file_only(tmp_path: Path) -> None:

@@ -310,7 +310,7 @@ def test_taken_off_it_leaves_nothing(extension: str, baked: object) -> None:
     groups, objects = len(bpy.data.node_groups), len(bpy.data.objects)
     lit_up(ball)
     assert light_modifier.in_use()
-    assert bpy.ops.ivg.modifier_remove(scope="ALL") == {"FINISHED"}
+    assert bpy.ops.ivg.modifier_remove(objects="ALL") == {"FINISHED"}
     assert not ball.modifiers
     assert not light_modifier.in_use()
     assert (len(bpy.data.node_groups), len(bpy.data.objects)) == (groups, objects)

@@ -10,7 +10,8 @@ from typing import Any, TextIO
 
 import bpy
 
-from .. import jobs, outcome
+from ...core.errors import SettingsError
+from .. import direct_light, jobs, outcome, scene_light
 from ..bake_job import bake_job
 from ..blend_file import check_can_save, open_blend, save_blend
 from ..console import Console
@@ -20,6 +21,8 @@ from ..properties import ensure_registered
 
 def run(options: argparse.Namespace, output: TextIO, interrupts: Interrupts) -> None:
     """Bake and print what was done; raises `IvgError`."""
+    if options.materials and options.save_blend is None:
+        raise SettingsError("--materials is for the .blend that --save-blend saves: give it too")
     if options.save_blend is not None:
         check_can_save(options.save_blend)
     ensure_registered()
@@ -32,8 +35,19 @@ def run(options: argparse.Namespace, output: TextIO, interrupts: Interrupts) -> 
     output.write(outcome.text(scene.ivg.last_bake) + "\n")
     if options.save_blend is not None:
         _keep(scene, overrides, options.save_blend.resolve())
+        if options.materials:
+            output.write(_light_materials(scene))
         save_blend(options.save_blend)
         output.write(f"Saved:    {options.save_blend}\n")
+
+
+def _light_materials(scene: bpy.types.Scene) -> str:
+    """Let the scene be rendered with the grid's light; return what is to be said."""
+    lit = scene_light.add(bpy.context)
+    direct_light.switch_to_direct(scene)
+    told = [f"Materials: {lit.materials} with the light of the grid; renders compute direct light only"]
+    told += [f"  {notice}" for notice in lit.notices]
+    return "\n".join(told) + "\n"
 
 
 def _overrides(options: argparse.Namespace) -> dict[str, Any]:

@@ -4,33 +4,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import bpy
-from bpy.props import EnumProperty
 
 from ..ivg_addon.blender.light_modifier import TYPES, Outcome
 
 _MOST_NAMED = 3
 
 
-def scope_property() -> Any:
-    """Return the property that tells on which objects to work."""
-    return EnumProperty(
-        name="Objects",
-        description="On which objects to work",
-        items=(
-            ("SELECTED", "Selected", "The objects that are selected", 0),
-            ("ALL", "All", "All objects of the scene that can have it", 1),
-        ),
-        default="SELECTED",
-        options={"SKIP_SAVE"},
-    )
-
-
-def targets(context: bpy.types.Context, scope: str) -> Sequence[bpy.types.Object]:
+def targets(context: bpy.types.Context, objects: str) -> Sequence[bpy.types.Object]:
     """Return the objects to work on."""
-    if scope == "SELECTED":
+    if objects == "SELECTED":
         return list(context.selected_objects)
     return [each for each in context.scene.objects if each.type in TYPES]
 

@@ -1,0 +1,220 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A grid's light in the materials of a scene: which these are, and objects that have none.
+
+Blender shows what has no material as it shows a material that is new. To such objects goes a new one, so that they have
+the light too; it is taken away with the light, and slots that were made for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import bpy
+
+from ..core.errors import GridFileError
+from ..core.report import Notice
+from . import material_light, staleness
+from .export_nodes import STAND_IN
+from .grid_image import KEY as GRID_KEY
+from .grid_image import named
+from .inspection_mark import is_inspection
+
+_NAME = "IVG Stand-In"
+_ADDED_SLOT = "ivg_added_slot"
+"""Of data to which a slot was added for it."""
+_WITH_SURFACE = frozenset({"MESH", "CURVE", "SURFACE", "FONT", "META", "CURVES", "POINTCLOUD"})
+_NAMED = 3
+"""So many objects are named in one line."""
+
+
+@dataclass(frozen=True)
+class Lit:
+    """What `add` or `remove` did.
+
+    Parameters
+    ----------
+    materials
+        How many have, or had, the light.
+    notices
+        What is to be said.
+    """
+
+    materials: int
+    notices: tuple[Notice, ...] = ()
+
+
+def add(context: bpy.types.Context, selected: bool = False) -> Lit:
+    """Add the light of the scene's grid to the materials of all objects, or of the selected ones.
+
+    Raises
+    ------
+    GridFileError
+        There is no grid, or nodes cannot read it.
+    """
+    image = _grid(context.scene)
+    with staleness.no_change_of_light(context.scene):
+        objects = _objects(context, selected)
+        bare = _bare(objects)
+        notices = material_light.add_light(_materials(context, objects), image)
+        if bare:
+            notices += material_light.add_light([_give_stand_in(bare)], image)
+    lit = [material for material in material_light.lit_materials() if material_light.grid_of(material) == image]
+    outside = outside_message(objects_outside(context.scene, image))
+    if outside:
+        notices += (Notice("warning", f"grid '{image.name}'", outside),)
+    return Lit(len(lit), notices)
+
+
+def remove(context: bpy.types.Context, selected: bool = False) -> Lit:
+    """Take the light out of all materials of the file, or out of those of the selected objects."""
+    lit = material_light.lit_materials()
+    if selected:
+        theirs = set(_materials(context, _objects(context, True)))
+        lit = [material for material in lit if material in theirs]
+    take_out(context.scene, lit)
+    return Lit(len(lit))
+
+
+def take_out(scene: bpy.types.Scene, materials: Iterable[bpy.types.Material]) -> None:
+    """Take the light out of materials, and the stand-in from what had none."""
+    chosen = list(materials)
+    if not chosen:
+        return
+    with staleness.no_change_of_light(scene):
+        material_light.remove_light(chosen)
+        for material in chosen:
+            if STAND_IN in material:
+                _take_stand_in(material)
+
+
+def stays_old(image: bpy.types.Image) -> tuple[Notice, ...]:
+    """Return what is to be said where materials could not follow a grid that was baked anew."""
+    if not any(material_light.grid_of(material) == image for material in material_light.lit_materials()):
+        return ()
+    from .irradiance_nodes import irradiance_group
+
+    try:
+        irradiance_group(image)
+    except GridFileError as error:
+        return (Notice("warning", f"grid '{image.name}'", f"materials still have its light as it was: {error}"),)
+    return ()
+
+
+def _grid(scene: bpy.types.Scene) -> bpy.types.Image:
+    """Return the image of a scene's grid."""
+    if scene.ivg.grid is None:
+        raise GridFileError(f"scene '{scene.name}' has no grid in the .blend: bake it, or choose one")
+    return scene.ivg.grid
+
+
+def _objects(context: bpy.types.Context, selected: bool) -> list[bpy.types.Object]:
+    """Return objects with surfaces, and those of the collections that they show instances of."""
+    todo = list(context.selected_objects if selected else context.scene.objects)
+    found: dict[bpy.types.Object, None] = {}
+    while todo:
+        current = todo.pop()
+        if current in found:
+            continue
+        found[current] = None
+        if current.instance_type == "COLLECTION" and current.instance_collection is not None:
+            todo += current.instance_collection.all_objects
+    return [current for current in found if _has_surface(current)]
+
+
+def _has_surface(candidate: bpy.types.Object) -> bool:
+    """Tell whether an object is one that materials light; what shows the grid is none."""
+    return candidate.type in _WITH_SURFACE and not is_inspection(candidate)
+
+
+def _materials(context: bpy.types.Context, objects: Iterable[bpy.types.Object]) -> list[bpy.types.Material]:
+    """Return the materials of objects: of their slots, and what geometry nodes set."""
+    depsgraph = context.evaluated_depsgraph_get()
+    found: dict[bpy.types.Material, None] = {}
+    for current in objects:
+        found.update((slot.material, None) for slot in current.material_slots if slot.material)
+        evaluated = current.evaluated_get(depsgraph).data
+        made = getattr(evaluated, "materials", ())
+        found.update((material.original, None) for material in made if material is not None)
+    return sorted(found, key=lambda material: material.name_full)
+
+
+def _bare(objects: Iterable[bpy.types.Object]) -> list[bpy.types.Object]:
+    """Return the objects that have surfaces without a material, where that can be changed."""
+    return [
+        current
+        for current in objects
+        if current.is_editable
+        and current.data.is_editable
+        and (not current.material_slots or any(slot.material is None for slot in current.material_slots))
+    ]
+
+
+def _give_stand_in(objects: Iterable[bpy.types.Object]) -> bpy.types.Material:
+    """Give the stand-in to what has none; return it."""
+    material = next((each for each in bpy.data.materials if STAND_IN in each and not each.library), None)
+    if material is None:
+        material = bpy.data.materials.new(_NAME)
+        material[STAND_IN] = True
+    for current in objects:
+        if not current.data.materials:
+            current.data.materials.append(material)
+            current.data[_ADDED_SLOT] = True
+        for slot in current.material_slots:
+            if slot.material is None:
+                slot.material = material
+    return material
+
+
+def _take_stand_in(material: bpy.types.Material) -> None:
+    """Take the stand-in from all that has it."""
+    for current in bpy.data.objects:
+        for slot in current.material_slots:
+            if slot.material == material:
+                slot.material = None
+        if current.data is not None and _ADDED_SLOT in current.data:
+            if len(current.data.materials) == 1 and current.data.materials[0] is None:
+                current.data.materials.clear()
+            del current.data[_ADDED_SLOT]
+    bpy.data.materials.remove(material)
+
+
+def objects_outside(scene: bpy.types.Scene, image: bpy.types.Image) -> list[str]:
+    """Return the names of the rendered objects that reach out of a grid's box."""
+    low, high = (tuple(image[GRID_KEY][name]) for name in ("bounds_min", "bounds_max"))
+    slack = 1e-3 * max(b - a for a, b in zip(low, high, strict=True))
+    return [
+        current.name
+        for current in scene.objects
+        if _has_surface(current)
+        and not current.hide_render
+        and any(
+            not a - slack <= x <= b + slack
+            for corner in _world_corners(current)
+            for x, a, b in zip(corner, low, high, strict=True)
+        )
+    ]
+
+
+def _world_corners(current: bpy.types.Object) -> Iterator[tuple[float, ...]]:
+    matrix = current.matrix_world
+    for corner in current.bound_box:
+        x, y, z = corner
+        yield tuple(row[0] * x + row[1] * y + row[2] * z + row[3] for row in matrix[:3])
+
+
+def outside_message(names: list[str]) -> str:
+    """Return what is said of objects that reach out of the grid's box; empty if none does."""
+    if not names:
+        return ""
+    listed = ", ".join(f"'{name}'" for name in names[:_NAMED]) + (", …" if len(names) > _NAMED else "")
+    return f"{listed}: out of the grid's box there is the light of its border; bake with larger bounds"
+
+
+def summary(image: bpy.types.Image) -> str:
+    """Return how many materials have a grid's light, in words."""
+    materials = material_light.lit_materials()
+    here = sum(material_light.grid_of(material) == image for material in materials)
+    elsewhere = len(materials) - here
+    told = f"{here} material{'' if here == 1 else 's'} with the light of {named(image)}"
+    return told + (f", {elsewhere} with that of another grid" if elsewhere else "")
