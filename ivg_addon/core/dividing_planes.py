@@ -15,10 +15,11 @@ _MOSTLY_LIT = 0.5
 """Of the points of a vertex's dual cell on the side that it lies on; with fewer lit ones it may lie in a solid."""
 _LEAST_SHARE = 2.0
 """Of the other side's weight in the interpolation from a vertex that may lie in a solid, that its own must have."""
-_LEAST_BLOCKED = 1.0 / 3.0
-"""Of the ways through a plane, for it to divide. Around a vertex at its border a sheet covers half of its plane."""
-_PRICE = _LEAST_BLOCKED / (1.0 - _LEAST_BLOCKED)
-"""Of a free way in blocked ones."""
+_PRICE, _HIGHER_PRICE = 0.5, 1.0
+"""Of a free way through a plane, in blocked ones. A surface's plane divides where a third of them are blocked: a sheet
+covers half of its plane around a vertex at its border. The mean of several planes, which is no surface's, and further
+planes of the same vertex do so where half are.
+"""
 _LEAST_WAYS = 8
 """Blocked ones, likewise: few may be chance."""
 _MOST_CANDIDATES = 48
@@ -54,7 +55,8 @@ def find_planes(vertices, counts, points, lit, starts, ends, blocked, normals, m
                 if way < last and not (blocked[way] and own[ends[way, 0] - offset] and own[ends[way, 1] - offset]):
                     continue
                 normal, d = candidate(way, first, last, offset, own, ends, blocked, normals, met)
-                gain = worth(first, last, offset, own, ends, blocked, places, normal, d)
+                price = _PRICE if way < last and plane == 0 else _HIGHER_PRICE
+                gain = worth(first, last, offset, own, ends, blocked, places, normal, d, price)
                 if gain > best:
                     best = gain
                     for axis in range(3):
@@ -91,7 +93,7 @@ def candidate(way, first, last, offset, own, ends, blocked, normals, met):
 
 
 @inlined
-def worth(first, last, offset, own, ends, blocked, places, normal, d):
+def worth(first, last, offset, own, ends, blocked, places, normal, d, price):
     """Return how many ways through a plane are blocked, less the price of the free ones; 0 if it does not divide."""
     through, free = 0, 0
     for way in range(first, last):
@@ -104,9 +106,9 @@ def worth(first, last, offset, own, ends, blocked, places, normal, d):
                     through += 1
                 else:
                     free += 1
-    if through < _LEAST_WAYS or through < _PRICE * free:
+    if through < _LEAST_WAYS or through < price * free:
         return 0.0
-    return through - _PRICE * free + 1.0
+    return through - price * free + 1.0
 
 
 @inlined
