@@ -32,8 +32,8 @@ RESOLUTION = (20, 20, 20)
 FLICKER_FRAMES, FLICKER_SAMPLES = 10, 4
 COARSE, FINE = (155, 78), (1416, 708)
 """Divisions of the detailed object around and along its axis: 24 thousand and two million triangles."""
-_FILTERS = {"pixel filter as it is": None, "so narrow that a pixel stays on its point": 0.01}
-"""Widths in pixels."""
+_FILTERS = {"pixel filter as it is": None, "a hundredth of a pixel wide, so that the point stays": 0.01}
+"""Widths in pixels; Cycles has none below the last."""
 
 
 def main() -> int:
