@@ -2,8 +2,9 @@
 """What renders with a grid's light in the materials are worth: `python -m benchmarks.grid_render [PART …]`.
 
 Parts: `error` (the indirect light of Cycles and EEVEE with the grid, against Cycles), `time` (what Cycles takes for the
-same error, with and without its denoiser), `flicker` (how much pixels change from seed to seed), `detail` (an object
-baked with 24 thousand triangles and rendered with two million). Scene: `sample_blend/cornell.blend`, 20³ voxels.
+same error, with and without its denoiser), `flicker` (how much pixels change from seed to seed, with the pixel filter
+as it is, which moves the point that a pixel shows, and with one that keeps it), `detail` (an object baked with 24
+thousand triangles and rendered with two million). Scene: `sample_blend/cornell.blend`, 20³ voxels.
 
 RMSE are relative to the mean indirect light of the reference; ratios of times hold for a machine that does nothing
 else. About twenty minutes on two cores.
@@ -12,88 +13,27 @@ else. About twenty minutes on two cores.
 from __future__ import annotations
 
 import argparse
-import math
-import os
-import subprocess
 import sys
-import tempfile
-import time
-from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
 import numpy as np
-from numpy.typing import NDArray
 
-from ivg_addon.blender import direct_light, grid_image, scene_light
-from ivg_addon.blender.cycles_render import render_steps
-from ivg_addon.blender.cycles_stage import changed, truthful
-from ivg_addon.blender.export import export_render_steps
-from ivg_addon.blender.montage import Panel, write_montage
+from ivg_addon.blender import scene_light
 from ivg_addon.blender.properties import ensure_registered
-from ivg_addon.core.bake import bake
-from ivg_addon.core.exr import read_exr
-from ivg_addon.core.false_color import difference_colors, luminance
-from ivg_addon.core.metrics import compare
-from ivg_addon.core.progress import finish
-from ivg_addon.core.settings import BakeSettings
 
 from .detailed_object import detailed_mesh
+from .eevee_child import by_eevee
+from .grid_shots import Picture, Truth, baked, cycles, displayed, open_scene, reference, save, shoot
+from .grid_times import LitShots, lit_shots, times
 
-Picture = NDArray[np.float64]
-
-ROOT = Path(__file__).resolve().parent.parent
-SCENE = ROOT / "sample_blend" / "cornell.blend"
 PARTS = ("error", "time", "flicker", "detail")
 RESOLUTION = (20, 20, 20)
-BOUNCES = 12
-GRID_SAMPLES = (1, 4, 16)
-FULL_SAMPLES = (16, 64)
-DENOISED_SAMPLES = (1, 4, 16, 64)
 FLICKER_FRAMES, FLICKER_SAMPLES = 10, 4
 COARSE, FINE = (155, 78), (1416, 708)
 """Divisions of the detailed object around and along its axis: 24 thousand and two million triangles."""
-_LAMP = 0.2
-"""Of the brightest pixel: what is as bright is the lamp."""
-REPEATS = 3
-"""Renders of which the fastest is taken."""
-
-
-@dataclass(frozen=True)
-class Shot:
-    """A render: its picture (height, width, 3), and how long it took."""
-
-    picture: Picture
-    seconds: float
-
-
-@dataclass(frozen=True)
-class Truth:
-    """The reference: direct light, indirect light, and the latter's standard error, (height, width, 3) each.
-
-    Where the lamp itself is seen, or its edge, pixels tell nothing of surfaces: they are left out.
-    """
-
-    direct: Picture
-    indirect: Picture
-    error: Picture
-
-    @property
-    def surfaces(self) -> NDArray[np.bool_]:
-        """Return which pixels (height, width) are away from the lamp."""
-        bright = luminance(self.direct) > _LAMP * luminance(self.direct).max()
-        near = [np.roll(bright, (y, x), axis=(0, 1)) for y in range(-2, 3) for x in range(-2, 3)]
-        return np.asarray(~np.any(near, axis=0))
-
-    def rmse(self, indirect: Picture) -> float:
-        """Return how far indirect light is off, without the reference's own noise."""
-        seen = self.surfaces
-        return compare(indirect[seen], self.indirect[seen], self.error[seen]).own_rmse
-
-    def whole_rmse(self, picture: Picture) -> float:
-        """Return how far a whole picture is off, without the noise of the reference's indirect light."""
-        return self.rmse(picture - self.direct)
+_FILTERS = {"pixel filter as it is": None, "a hundredth of a pixel wide, so that the point stays": 0.01}
+"""Widths in pixels; Cycles has none below the last."""
 
 
 def main() -> int:
@@ -113,7 +53,7 @@ def main() -> int:
     ensure_registered()
     if set(parts) != {"detail"}:
         open_scene(arguments.size)
-        baked(arguments.photons)
+        baked(arguments.photons, RESOLUTION)
         truth = reference(arguments.samples)
         print(f"reference: {arguments.samples} samples, {np.sqrt((truth.error**2).mean()) / truth.indirect.mean():.4f}")
         with_grid = lit_shots()
@@ -128,80 +68,15 @@ def main() -> int:
     return 0
 
 
-def open_scene(size: int) -> None:
-    """Open the scene, for pictures of so many pixels along an edge."""
-    bpy.ops.wm.open_mainfile(filepath=str(SCENE))
-    render = bpy.context.scene.render
-    render.resolution_x = render.resolution_y = size
-    render.dither_intensity = 0.0
-    render.image_settings.media_type = "IMAGE"
-    render.image_settings.file_format, render.image_settings.color_depth = "OPEN_EXR", "32"
-    render.image_settings.exr_codec = "NONE"
-
-
-def baked(photons: int) -> None:
-    """Bake the open scene, and keep its grid in it."""
-    scene = bpy.context.scene
-    exported = finish(export_render_steps(scene, bpy.context.view_layer))
-    low, high = (tuple(map(float, corner)) for corner in exported.geometry.bounds())
-    grid = bake(exported, BakeSettings(low, high, RESOLUTION, photons=photons, bounces=BOUNCES)).grid
-    scene.ivg.grid = grid_image.put(grid_image.prepare(grid, "TRILINEAR"), "Grid", scene.ivg.grid)
-
-
-def reference(samples: int) -> Truth:
-    """Render the open scene by Cycles."""
-    seen = finish(render_steps(bpy.context.scene, bpy.context.view_layer, samples=samples, bounces=BOUNCES))
-    direct = cycles(min(samples, 512), direct=True, seed=99).picture
-    return Truth(direct, seen.light.astype(np.float64), seen.error.astype(np.float64))
-
-
-def cycles(samples: int, *, direct: bool = False, denoise: bool = False, seed: int = 0) -> Shot:
-    """Render the open scene as it is by Cycles, `direct`: without diffuse bounces."""
-    scene, layer = bpy.context.scene, bpy.context.view_layer
-    settings = truthful(scene, layer, samples=samples, bounces=BOUNCES, seed=seed)
-    settings |= {(scene.cycles, "use_denoising"): denoise}
-    if direct:
-        settings |= {(scene.cycles, "diffuse_bounces"): 0}
-    with changed(settings):
-        return shoot()
-
-
-def shoot() -> Shot:
-    """Render the open scene as it is."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder, "a.exr")
-        bpy.context.scene.render.filepath = str(path)
-        start = time.perf_counter()
-        bpy.ops.render.render(write_still=True)
-        seconds = time.perf_counter() - start
-        channels = read_exr(path)
-    return Shot(np.stack([channels[name] for name in "RGB"], axis=-1).astype(np.float64), seconds)
-
-
-def fastest(samples: int, **how: bool) -> Shot:
-    """Render several times; return the picture with the least time."""
-    return min((cycles(samples, **how) for _ in range(REPEATS)), key=lambda shot: shot.seconds)
-
-
-def lit_shots() -> dict[int, tuple[Shot, Picture]]:
-    """Render with the grid's light; return, by samples, what that is, and the indirect light in it.
-
-    Of the same seed, direct light has the same noise with the grid's light and without: the difference has none.
-    """
-    without = {samples: cycles(samples, direct=True).picture for samples in GRID_SAMPLES}
-    scene_light.add(bpy.context)
-    found = {samples: fastest(samples, direct=True) for samples in GRID_SAMPLES}
-    return {samples: (shot, shot.picture - without[samples]) for samples, shot in found.items()}
-
-
-def errors(truth: Truth, with_grid: dict[int, tuple[Shot, Picture]], pictures: Path | None) -> None:
+def errors(truth: Truth, with_grid: LitShots, pictures: Path | None) -> None:
     """Print the error of the indirect light, in Cycles and in EEVEE."""
     print("\nindirect light with the grid        RMSE   asked   ratio of energy")
-    _, indirect = with_grid[max(GRID_SAMPLES)]
+    _, indirect = with_grid[max(with_grid)]
     lines = {"Cycles": indirect}
-    found = eevee()
+    found = by_eevee("benchmarks.grid_render")
     if found is not None:
-        lines["EEVEE"] = found
+        print(f"(EEVEE: {found['seconds']:.1f} s a frame)")
+        lines["EEVEE"] = found["indirect"]
     for name, light in lines.items():
         ratio = light.mean() / truth.indirect.mean()
         print(f"{name:35} {truth.rmse(light):.4f}   0.07   {ratio:.3f}", flush=True)
@@ -209,118 +84,37 @@ def errors(truth: Truth, with_grid: dict[int, tuple[Shot, Picture]], pictures: P
             save(pictures / f"{name.lower()}.png", ("Cycles", f"{name} with the grid"), truth.indirect, light)
 
 
-EEVEE = """
-import sys
-import bpy, gpu
-gpu.init()
-print("gpu", flush=True)
-import numpy as np
-from benchmarks import grid_render
-from ivg_addon.blender import scene_light
-from ivg_addon.blender.properties import ensure_registered
-ensure_registered()
-bpy.ops.wm.open_mainfile(filepath=sys.argv[1])
-scene = bpy.context.scene
-scene.render.engine = "BLENDER_EEVEE"
-scene.eevee.taa_render_samples = 16
-lit = grid_render.shoot()
-again = grid_render.shoot()
-scene_light.remove(bpy.context)
-direct = grid_render.shoot()
-np.savez(sys.argv[2], whole=lit.picture, indirect=lit.picture - direct.picture, seconds=again.seconds)
-"""
-
-
-def eevee() -> Picture | None:
-    """Return the indirect light that EEVEE renders with the grid, if there is a way to render with it here."""
-    scene = bpy.context.scene
-    with tempfile.TemporaryDirectory() as folder:
-        blend, found = Path(folder, "a.blend"), Path(folder, "a.npz")
-        direct_light.switch_to_direct(scene)
-        bpy.ops.wm.save_as_mainfile(filepath=str(blend), copy=True)
-        direct_light.switch_back(scene)
-        command = [sys.executable, "-c", EEVEE, str(blend), str(found)]
-        environment = os.environ | {"BLENDER_USER_RESOURCES": folder}
-        done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
-        if "gpu\n" not in done.stdout:
-            print("EEVEE: no OpenGL here (libegl1, libgl1-mesa-dri)")
-            return None
-        if done.returncode:
-            raise RuntimeError(done.stderr)
-        with np.load(found) as file:
-            print(f"(EEVEE: {float(file['seconds']):.1f} s a frame)")
-            return np.asarray(file["indirect"])
-
-
-def times(truth: Truth, with_grid: dict[int, tuple[Shot, Picture]]) -> None:
-    """Print what Cycles takes for the same error."""
+def in_eevee() -> dict[str, Picture]:
+    """Return the indirect light of the open file in EEVEE, and how long a frame takes."""
+    lit, again = shoot(), shoot()
     scene_light.remove(bpy.context)
-    print("\n                            samples  seconds   RMSE: indirect light, whole picture")
-    rows = {
-        "with the grid": [(n, shot, truth.rmse(indirect)) for n, (shot, indirect) in with_grid.items()],
-        "Cycles": [(n, fastest(n), indirect_error(truth, n)) for n in FULL_SAMPLES],
-        "Cycles, denoised": [],
-    }
-    for n in DENOISED_SAMPLES:
-        shot = fastest(n, denoise=True)
-        rows["Cycles, denoised"].append((n, shot, truth.whole_rmse(shot.picture)))
-    for name, found in rows.items():
-        for n, shot, error in found:
-            whole = truth.whole_rmse(shot.picture)
-            print(f"{name:28} {n:6}   {shot.seconds:6.2f}    {error:.4f}   {whole:.4f}", flush=True)
-    for n, shot, error in rows["with the grid"]:
-        full = seconds_for(error, rows["Cycles"])
-        clean = seconds_for(error, rows["Cycles, denoised"])
-        told = f"Cycles {full / shot.seconds:.0f} times as long, denoised {clean / shot.seconds:.1f} times"
-        print(f"for the indirect error of the grid at {n} samples: {told}   (asked: 10, 2)", flush=True)
-
-
-def indirect_error(truth: Truth, samples: int) -> float:
-    """Return the error of Cycles' own indirect light, as its pass has it."""
-    seen = finish(render_steps(bpy.context.scene, bpy.context.view_layer, samples=samples, bounces=BOUNCES, seed=7))
-    return truth.rmse(seen.light.astype(np.float64))
-
-
-def seconds_for(error: float, rows: Sequence[tuple[int, Shot, float]]) -> float:
-    """Return the time after which an error is reached: both go by powers of the samples between two measurements.
-
-    Beyond the last measurement time grows with the samples, and the error falls as it did before.
-    """
-    table = np.array([(count, shot.seconds, error) for count, shot, error in rows])
-    n, seconds, errors = table.T
-    falling = np.minimum.accumulate(errors)
-    if error >= falling[0]:
-        return float(seconds[0])
-    if error < falling[-1]:
-        slope = math.log(errors[-1] / errors[-2]) / math.log(n[-1] / n[-2])
-        if slope >= 0.0:
-            return math.inf
-        wanted = n[-1] * (error / errors[-1]) ** (1.0 / slope)
-        per_sample = (seconds[-1] - seconds[-2]) / (n[-1] - n[-2])
-        return float(seconds[-1] + per_sample * (wanted - n[-1]))
-    wanted = math.exp(float(np.interp(-math.log(error), -np.log(falling), np.log(n))))
-    return float(np.interp(wanted, n, seconds))
+    return {"indirect": lit.picture - shoot().picture, "seconds": np.array(again.seconds)}
 
 
 def flicker(truth: Truth) -> None:
     """Print how much a pixel's light changes from seed to seed."""
     told = f"over {FLICKER_FRAMES} seeds, {FLICKER_SAMPLES} samples, of the mean indirect light"
     print(f"\nstandard deviation of a pixel {told}")
-    scene_light.remove(bpy.context)
+    for name, width in _FILTERS.items():
+        print(name)
+        scene_light.remove(bpy.context)
+        without, denoised = frames(width, direct=True), frames(width, denoise=True)
+        scene_light.add(bpy.context)
+        rows = {
+            "with the grid, indirect light": frames(width, direct=True) - without,
+            "Cycles, denoised, whole picture": denoised,
+            "with the grid, denoised, whole picture": frames(width, direct=True, denoise=True),
+        }
+        for row, found in rows.items():
+            scatter = found.std(axis=0, ddof=1)[truth.surfaces] / truth.indirect.mean()
+            numbers = f"mean {scatter.mean():.5f}   median {np.median(scatter):.6f}   largest {scatter.max():.4f}"
+            print(f"  {row:40} {numbers}", flush=True)
+
+
+def frames(width: float | None, **how: bool) -> Picture:
+    """Render with one seed after the other; return all pictures."""
     seeds = range(FLICKER_FRAMES)
-    without = [cycles(FLICKER_SAMPLES, direct=True, seed=seed).picture for seed in seeds]
-    denoised = [cycles(FLICKER_SAMPLES, denoise=True, seed=seed).picture for seed in seeds]
-    scene_light.add(bpy.context)
-    lit = [cycles(FLICKER_SAMPLES, direct=True, seed=seed).picture for seed in seeds]
-    smooth = [cycles(FLICKER_SAMPLES, direct=True, denoise=True, seed=seed).picture for seed in seeds]
-    rows = {
-        "with the grid, indirect light": np.array(lit) - np.array(without),
-        "Cycles, denoised, whole picture": np.array(denoised),
-        "with the grid, denoised, whole picture": np.array(smooth),
-    }
-    for name, frames in rows.items():
-        scatter = frames.std(axis=0, ddof=1)[truth.surfaces] / truth.indirect.mean()
-        print(f"{name:40} mean {scatter.mean():.5f}   median {np.median(scatter):.6f}   largest {scatter.max():.4f}")
+    return np.array([cycles(FLICKER_SAMPLES, seed=seed, width=width, **how).picture for seed in seeds])
 
 
 def detail(size: int, photons: int, pictures: Path | None) -> None:
@@ -331,7 +125,7 @@ def detail(size: int, photons: int, pictures: Path | None) -> None:
         thing = bpy.data.objects.new("Detailed", detailed_mesh(*divisions))
         bpy.context.scene.collection.objects.link(thing)
         bpy.context.view_layer.update()
-        baked(photons)
+        baked(photons, RESOLUTION)
         thing.data = detailed_mesh(*FINE)
         scene_light.add(bpy.context)
         shots[name] = cycles(64, direct=True).picture
@@ -349,27 +143,6 @@ def triangles(divisions: tuple[int, int]) -> int:
     """Return the triangles of a detailed object."""
     around, along = divisions
     return 2 * around * along
-
-
-def displayed(picture: Picture) -> Picture:
-    """Return a picture as a display shows it, in [0, 1]."""
-    light = np.clip(picture, 0.0, 1.0)
-    return np.where(light < 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
-
-
-def save(path: Path, names: tuple[str, str], truth: Picture, found: Picture) -> None:
-    """Write the truth, what was found, and the difference of both."""
-    mean = float(luminance(truth).mean())
-    off = luminance(found - truth) / mean
-    limit = float(np.abs(off).max())
-    scale = difference_colors(np.linspace(-1.0, 1.0, 64))
-    labels = (f"−{limit:.0%}", "0", f"+{limit:.0%}")
-    panels = (
-        Panel(names[0], "", displayed(truth)),
-        Panel(names[1], "", displayed(found)),
-        Panel("Difference", "of the mean", difference_colors(off / limit), scale, labels),
-    )
-    write_montage(path, "Cornell box", path.stem, panels, ("",))
 
 
 if __name__ == "__main__":
