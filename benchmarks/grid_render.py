@@ -145,7 +145,7 @@ def baked(photons: int) -> None:
     exported = finish(export_render_steps(scene, bpy.context.view_layer))
     low, high = (tuple(map(float, corner)) for corner in exported.geometry.bounds())
     grid = bake(exported, BakeSettings(low, high, RESOLUTION, photons=photons, bounces=BOUNCES)).grid
-    scene.ivg.grid = grid_image.put(grid_image.prepare(grid, "TRILINEAR"), "Grid", scene.ivg.grid)
+    scene.ivg.grid = grid_image.put(grid_image.prepare(grid), "Grid", scene.ivg.grid)
 
 
 def reference(samples: int) -> Truth:
