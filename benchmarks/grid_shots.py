@@ -94,7 +94,7 @@ def baked(photons: int, resolution: tuple[int, int, int]) -> None:
     exported = finish(export_render_steps(scene, bpy.context.view_layer))
     low, high = (tuple(map(float, corner)) for corner in exported.geometry.bounds())
     grid = bake(exported, BakeSettings(low, high, resolution, photons=photons, bounces=BOUNCES)).grid
-    scene.ivg.grid = grid_image.put(grid_image.prepare(grid, "TRILINEAR"), "Grid", scene.ivg.grid)
+    scene.ivg.grid = grid_image.put(grid_image.prepare(grid), "Grid", scene.ivg.grid)
 
 
 def reference(samples: int) -> Truth:

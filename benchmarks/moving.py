@@ -151,7 +151,7 @@ def baked_room(folder: Path, photons: int) -> bpy.types.Scene:
     )
     path = folder / "room.ivg.vdb"
     vdb_grid.save(grid, path, Spatial.TRILINEAR)
-    storage.store(scene, "Room", grid_image.prepare(grid, Spatial.TRILINEAR), path)
+    storage.store(scene, "Room", grid_image.prepare(grid), path)
     return scene
 
 

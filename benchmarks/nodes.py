@@ -54,7 +54,7 @@ def measure(kind: str, grid: IrradianceVectorGrid, places: Places, bumps: bool, 
         what = node_stage.squares(view, places.points, places.normals, normals)
         expected = node_stage.wanted(grid, Spatial.TRILINEAR, what)
         bpy.ops.wm.read_homefile(use_empty=True)
-        image = grid_image.put(grid_image.prepare(grid, Spatial.TRILINEAR), "Grid")
+        image = grid_image.put(grid_image.prepare(grid), "Grid")
         node_stage.build(image, what, expected, bumps)
         straight = expected.bent() < STRAIGHT
         count += len(straight)

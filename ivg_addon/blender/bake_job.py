@@ -91,7 +91,7 @@ def _bake_steps(
     settings = request.settings_for(scene)
     with _beside(request.output, ".new") as fresh, _beside(request.output, ".new.vdb") as fresh_volume:
         written = fresh, fresh_volume if store else None
-        baking = _bake_and_write(scene, settings, request.spatial, *written)
+        baking = _bake_and_write(scene, settings, *written)
         result, stored = yield from part(run(baking), EXPORT_SHARE, 1.0)
         kept_in = find_scene(name, identity, "baked")
         volume_file = volume_path(request.output)
@@ -125,7 +125,7 @@ def _load(compiled_code: Path | None) -> Steps[None]:
 
 
 def _bake_and_write(
-    scene: Scene, settings: BakeSettings, spatial: str, path: Path, volume_path: Path | None
+    scene: Scene, settings: BakeSettings, path: Path, volume_path: Path | None
 ) -> Steps[tuple[BakeResult, grid_image.PreparedImage | Notice | None]]:
     """Bake, write the grid and its volume, prepare its image; touches nothing of Blender, so any thread will do.
 
@@ -139,7 +139,7 @@ def _bake_and_write(
     try:
         result.grid.save(path)
         if volume_path is not None:
-            stored = _prepare(result.grid, spatial)
+            stored = _prepare(result.grid)
             vdb_grid.save(result.grid, volume_path, Spatial.TRILINEAR)
         yield Progress("Writing the grid", 1.0)
     except GeneratorExit:
@@ -151,10 +151,10 @@ def _bake_and_write(
     return result, stored
 
 
-def _prepare(grid: IrradianceVectorGrid, spatial: str) -> grid_image.PreparedImage | Notice:
+def _prepare(grid: IrradianceVectorGrid) -> grid_image.PreparedImage | Notice:
     """Return what the image of a grid is made of, or why there can be none."""
     try:
-        return grid_image.prepare(grid, spatial)
+        return grid_image.prepare(grid)
     except SettingsError as error:
         told = f"its grid is in its file, not in the .blend: {error}"
         return Notice("left out", f"scene '{grid.record.scene}'", told)

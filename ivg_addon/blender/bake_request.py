@@ -32,8 +32,6 @@ class BakeRequest:
         Where the grid goes.
     grid
         The name under which the .blend keeps it.
-    spatial
-        The interpolation for which its image is made.
     box
         The grid's box without the margin; None: the smallest around the scene.
     margin
@@ -46,7 +44,6 @@ class BakeRequest:
 
     output: Path
     grid: str
-    spatial: str
     box: Box | None
     margin: float
     resolution: Resolution | None
@@ -75,7 +72,6 @@ def read_request(context: bpy.types.Context, overrides: Overrides) -> BakeReques
     return BakeRequest(
         output=grid_path(context.scene, chosen["filepath"], also_named),
         grid=grid,
-        spatial=context.scene.ivg.spatial,
         box=_box(chosen, context),
         margin=0.0 if "bounds_min" in overrides else chosen["margin"],
         resolution=resolution,

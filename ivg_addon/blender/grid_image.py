@@ -56,7 +56,7 @@ class PreparedImage:
     properties: dict[str, Any]
 
 
-def prepare(grid: IrradianceVectorGrid, spatial: str) -> PreparedImage:
+def prepare(grid: IrradianceVectorGrid) -> PreparedImage:
     """Return what the image of a grid is made of; touches nothing of Blender, compiles kernels.
 
     Raises
@@ -71,7 +71,7 @@ def prepare(grid: IrradianceVectorGrid, spatial: str) -> PreparedImage:
     largest = max(array.nbytes for array in arrays(grid).values())
     if largest > _LARGEST_PROPERTY:
         raise SettingsError(f"{human(largest)} of vectors are more than a .blend keeps in one place: bake fewer voxels")
-    pixels = atlas(grid, Spatial(spatial))
+    pixels = atlas(grid)
     exr = exr_bytes({channel: pixels[..., index] for index, channel in enumerate("RGB")})
     if len(exr) > _LARGEST_PROPERTY:
         raise SettingsError(f"{human(len(exr))} of pixels are more than a .blend keeps in one place: bake fewer voxels")
@@ -88,7 +88,7 @@ def prepare(grid: IrradianceVectorGrid, spatial: str) -> PreparedImage:
             "resolution": told["resolution"],
             "record": json.dumps(told["record"]),
             "grid_digest": digest(grid),
-            "spatial": str(spatial),
+            "spatial": str(Spatial.TRILINEAR),
             "size": where.size,
             "across": where.across,
             "walls": where.walls,

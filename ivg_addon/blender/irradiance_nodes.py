@@ -78,8 +78,8 @@ def _problem(image: bpy.types.Image, group: bpy.types.ShaderNodeTree | None) -> 
         return wrong
     if image[KEY]["spatial"] != Spatial.TRILINEAR:
         return (
-            f"{named(image)} is for tricubic look-ups, which are too slow as nodes: choose trilinear interpolation, "
-            "and bake again"
+            f"{named(image)} is for {image[KEY]['spatial'].lower()} look-ups, which are too slow as nodes: "
+            f"{grid_image.RESTORE}"
         )
     version = group[KEY]["version"] if group is not None else VERSION
     if group is not None and version > VERSION:

@@ -17,7 +17,6 @@ from ..core.report import Notice
 from . import material_light, staleness
 from .export_nodes import STAND_IN
 from .grid_image import KEY as GRID_KEY
-from .grid_image import named
 from .inspection_mark import is_inspection
 
 _NAME = "IVG Stand-In"
@@ -216,5 +215,5 @@ def summary(image: bpy.types.Image) -> str:
     materials = material_light.lit_materials()
     here = sum(material_light.grid_of(material) == image for material in materials)
     elsewhere = len(materials) - here
-    told = f"{here} material{'' if here == 1 else 's'} with the light of {named(image)}"
+    told = f"{here or 'No'} material{'s have' if here > 1 else ' has'} the light of grid '{image.name}'"
     return told + (f", {elsewhere} with that of another grid" if elsewhere else "")

@@ -15,7 +15,7 @@ from ..core import vdb_grid
 from ..core.errors import GridFileError
 from ..core.settings import Spatial
 from . import grid_image, grid_volume, irradiance_nodes, staleness
-from .grid_image import KEY, PreparedImage, is_grid
+from .grid_image import PreparedImage, is_grid
 from .grid_store import SUFFIX, absolute, default_grid_path
 from .material_light import grid_of, lit_materials
 from .outcome import grid_file
@@ -109,9 +109,8 @@ def restore(image: bpy.types.Image, scene: bpy.types.Scene) -> bpy.types.Volume:
     if image.library:
         raise GridFileError(f"{grid_image.named(image)} is linked: restore it in that file")
     grid = grid_image.read(image)
-    spatial = Spatial(image[KEY].get("spatial", Spatial.TRILINEAR))
     with staleness.no_change_of_light(scene):
-        grid_image.put(grid_image.prepare(grid, spatial), image.name, image)
+        grid_image.put(grid_image.prepare(grid), image.name, image)
         irradiance_nodes.follow(image)
     volume = grid_volume.volume_of(image)
     if volume is not None and not grid_volume.problem(image):

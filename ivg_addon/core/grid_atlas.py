@@ -124,13 +124,8 @@ def image_bytes(resolution: tuple[int, int, int]) -> int:
     return math.prod(layout(resolution).size) * 16
 
 
-def atlas(grid: IrradianceVectorGrid, spatial: Spatial) -> Float32:
-    """Return the image (height, width, 3) of what look-ups interpolate, first row at the bottom.
-
-    Parameters
-    ----------
-    spatial
-        The interpolation that will follow: each needs values of its own (prefilter.py).
+def atlas(grid: IrradianceVectorGrid) -> Float32:
+    """Return the image (height, width, 3) of what trilinear look-ups interpolate, first row at the bottom.
 
     Raises
     ------
@@ -138,7 +133,7 @@ def atlas(grid: IrradianceVectorGrid, spatial: Spatial) -> Float32:
         The grid is too large for an image.
     """
     where = layout(grid.resolution, most_walls(grid))
-    planes = _planes(grid.interpolated(spatial), grid, where)
+    planes = _planes(grid.interpolated(Spatial.TRILINEAR), grid, where)
     width, height = where.size
     pixels = np.zeros((height, width, 3), dtype=np.float32)
     across, up = where.tile

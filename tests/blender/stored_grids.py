@@ -43,7 +43,7 @@ def store(extension: str, name: str, baked: IrradianceVectorGrid, folder: Path) 
     storage, grid_image, grid_volume = (module(extension, name) for name in ("storage", "grid_image", "grid_volume"))
     path = grid_volume.volume_path(folder / "room.ivg.npz")
     vdb_grid.save(baked, path, Spatial.TRILINEAR)
-    return storage.store(bpy.context.scene, name, grid_image.prepare(baked, "TRILINEAR"), path)
+    return storage.store(bpy.context.scene, name, grid_image.prepare(baked), path)
 
 
 def in_fresh_process(code: str, *arguments: object) -> str:

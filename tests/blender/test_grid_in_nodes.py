@@ -19,7 +19,7 @@ from ivg_addon.core.dual_cells import Lattice
 from ivg_addon.core.exr import read_exr
 from ivg_addon.core.grid_atlas import PLANES, atlas, layout
 from ivg_addon.core.reconstruction import coefficients
-from ivg_addon.core.settings import Directional, Spatial
+from ivg_addon.core.settings import Directional
 from tests.core.grids import LATTICE, grid
 
 from .export_scenes import add_object, empty_scene, new_material
@@ -110,7 +110,7 @@ def test_cycles_reads_every_texel_to_the_bit(extension: str, tmp_path: Path, lat
     image = store(extension, "Room", baked, tmp_path)
     column, row = texels_of(lattice)
     show_texels(image, column, row)
-    expected = np.abs(atlas(baked, Spatial.TRILINEAR)[row, column])
+    expected = np.abs(atlas(baked)[row, column])
     np.testing.assert_array_equal(rendered(tmp_path / "a.exr"), expected)
 
 
@@ -140,7 +140,7 @@ def test_eevee_reads_every_texel(extension: str, tmp_path: Path) -> None:
     image = store(extension, "Room", baked, tmp_path)
     column, row = texels_of(WIDE)
     read = show_texels(image, column, row)
-    expected = np.abs(atlas(baked, Spatial.TRILINEAR)[row, column])
+    expected = np.abs(atlas(baked)[row, column])
     mesh = bpy.data.meshes["Texels"]
     wanted = mesh.attributes.new("wanted", "FLOAT_VECTOR", "CORNER")
     wanted.data.foreach_set("vector", expected.repeat(4, axis=0).reshape(-1))

@@ -53,7 +53,7 @@ def lit_grid(seed: int = 0, lattice: Lattice = LATTICE, divided: bool = False) -
 
 def stored(baked: IrradianceVectorGrid, name: str = "Room") -> bpy.types.Image:
     """Store a grid's image, in place of the one that has the name."""
-    return grid_image.put(grid_image.prepare(baked, "TRILINEAR"), name, bpy.data.images.get(name))
+    return grid_image.put(grid_image.prepare(baked), name, bpy.data.images.get(name))
 
 
 def unit(vectors: node_stage.Float64) -> node_stage.Float64:
@@ -141,8 +141,9 @@ def test_groups_of_older_versions_are_made_anew_and_newer_ones_refused() -> None
 def test_what_is_no_grid_for_nodes_is_refused() -> None:
     with pytest.raises(GridFileError, match="'Photo' holds no irradiance vector grid"):
         irradiance_group(bpy.data.images.new("Photo", 4, 4))
-    tricubic = grid_image.put(grid_image.prepare(lit_grid(), "TRICUBIC"), "Smooth")
-    with pytest.raises(GridFileError, match=r"'Smooth' .*tricubic"):
+    tricubic = grid_image.put(grid_image.prepare(lit_grid()), "Smooth")
+    tricubic["ivg"]["spatial"] = "TRICUBIC"
+    with pytest.raises(GridFileError, match=r"'Smooth' .*tricubic.* Restore"):
         irradiance_group(tricubic)
 
 

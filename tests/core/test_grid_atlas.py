@@ -36,7 +36,7 @@ def texels(pixels: NDArray[np.float32], where: AtlasLayout, plane: int) -> Float
 def test_vertices_give_their_irradiance_for_any_normal() -> None:
     """E = ½ (F·n + Σ W_kj D_kj) of the texels is the look-up at a vertex, where nothing is interpolated."""
     lit = grid(np.random.default_rng(4).normal(size=(*LATTICE.shape, 6, 3, 3)))
-    where, pixels = layout(lit.resolution), atlas(lit, Spatial.TRILINEAR)
+    where, pixels = layout(lit.resolution), atlas(lit)
     n = np.array([0.48, -0.6, 0.64])
     c = coefficients(n, Directional.LEAST_SQUARES)
     # c_{±k,j} = ½ (n_j/3 ± W_kj)
@@ -49,11 +49,10 @@ def test_vertices_give_their_irradiance_for_any_normal() -> None:
     np.testing.assert_allclose(np.maximum(e, 0.0), expected, atol=64 * np.finfo(np.float32).eps)
 
 
-@pytest.mark.parametrize("spatial", list(Spatial))
-def test_planes_hold_what_the_interpolation_needs(spatial: Spatial) -> None:
+def test_planes_hold_what_trilinear_interpolation_needs() -> None:
     baked = random_grid()
-    where, pixels = layout(baked.resolution), atlas(baked, spatial)
-    values = baked._interpolated[spatial].astype(np.float64) * (baked.validity > 0)[..., None, None, None]
+    where, pixels = layout(baked.resolution), atlas(baked)
+    values = baked._interpolated[Spatial.TRILINEAR].astype(np.float64) * (baked.validity > 0)[..., None, None, None]
     for k in range(3):
         for j in range(3):
             difference = values[..., 2 * k, :, j] - values[..., 2 * k + 1, :, j]
@@ -74,7 +73,7 @@ def test_walls_stand_in_planes_of_their_own() -> None:
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     planes = np.column_stack([normal, rng.uniform(-9, 9, start[-1]), rng.uniform(0, 1, start[-1])]).astype(np.float32)
     baked = grid(rng.normal(size=(*LATTICE.shape, 6, 3, 3)), partitions=Partitions(start, planes))
-    where, pixels = layout(baked.resolution, 3), atlas(baked, Spatial.TRILINEAR)
+    where, pixels = layout(baked.resolution, 3), atlas(baked)
     assert pixels.shape[1::-1] == where.size
     walls = np.stack([texels(pixels, where, len(PLANES) + number).reshape(-1, 3) for number in range(4)], axis=1)
     size = np.linalg.norm(walls[:, :3], axis=2)
@@ -95,7 +94,7 @@ def test_walls_stand_in_planes_of_their_own() -> None:
 def test_the_border_repeats_the_edge() -> None:
     """What bilinear filtering, or a B-spline's outer weights, reach beyond a plane is its own edge."""
     baked = random_grid()
-    where, pixels = layout(baked.resolution), atlas(baked, Spatial.TRILINEAR)
+    where, pixels = layout(baked.resolution), atlas(baked)
     width, height = where.tile
     for k in range(LATTICE.shape[2]):
         for plane in range(len(PLANES)):
