@@ -25,8 +25,8 @@ import bpy
 import numpy as np
 
 from ivg_addon.blender import scene_light
-from ivg_addon.blender.grid_image import KEY as GRID_KEY
 from ivg_addon.blender.grid_image import is_grid
+from ivg_addon.blender.marks import KEY as GRID_KEY
 from ivg_addon.blender.properties import ensure_registered
 
 from .eevee_child import by_eevee

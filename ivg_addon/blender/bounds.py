@@ -65,6 +65,20 @@ def _in_world(points: Float64, matrix_world: bpy.types.Matrix) -> Float64:
     return points @ matrix[:3, :3].T + matrix[:3, 3]
 
 
+def reaches_out(thing: bpy.types.Object, box: Box, slack: float) -> bool:
+    """Tell whether the box of an object in its own space lies partly out of a box.
+
+    Parameters
+    ----------
+    slack
+        How far it may without that, as a share of the box's longest side: positions are of single precision.
+    """
+    corners = _in_world(np.array(thing.bound_box, dtype=np.float64), thing.matrix_world)
+    beyond = slack * max(box.size)
+    inside = (corners >= np.asarray(box.low) - beyond) & (corners <= np.asarray(box.high) + beyond)
+    return not inside.all()
+
+
 def scene_box(depsgraph: bpy.types.Depsgraph) -> Box:
     """Return a box around everything in an evaluated scene that is rendered as a surface.
 

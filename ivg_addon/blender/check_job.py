@@ -8,6 +8,7 @@ import bpy
 from ..core.errors import GridFileError
 from . import staleness, storage
 from .asking import Asker, here
+from .grid_image import scene_grid
 from .jobs import Job, PatientSteps, Runner
 from .scenes import find_scene
 
@@ -22,7 +23,7 @@ def check_job(context: bpy.types.Context, run: Runner, ask: Asker = here) -> Job
     GridFileError
         The scene has no grid in the .blend, or one whose datablocks were changed.
     """
-    image = storage.scene_grid(context.scene)
+    image = scene_grid(context.scene)
     storage.load_grid(image)
     return Job(f"Checking '{image.name}'", _check_steps(context, run, ask))
 

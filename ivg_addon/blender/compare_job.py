@@ -13,9 +13,10 @@ import bpy
 from ..core.progress import Progress
 from . import outcome
 from .asking import Asker, here
+from .grid_image import scene_grid
 from .grid_store import SUFFIX, compiled_code_folder, keep_compiled_code
 from .jobs import Job, PatientSteps, Runner, Steps
-from .storage import load_grid, scene_grid
+from .storage import load_grid
 from .summary import Row
 
 if TYPE_CHECKING:

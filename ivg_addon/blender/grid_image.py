@@ -22,8 +22,9 @@ from ..core.grid import BakeRecord, IrradianceVectorGrid
 from ..core.grid_parts import arrays, assemble, digest, header, parse_header
 from ..core.memory import human
 from ..core.settings import Spatial
+from .bounds import Box
+from .marks import KEY, bears
 
-KEY = "ivg"
 VOLUME = "volume"
 """Under `KEY`: the volume datablock (grid_volume.py)."""
 FORMAT = "irradiance-vector-grid-image"
@@ -122,8 +123,19 @@ def put(prepared: PreparedImage, name: str, image: bpy.types.Image | None = None
 
 def is_grid(image: bpy.types.Image) -> bool:
     """Tell whether a bake stored a grid in an image, in this version's layout or another."""
-    stored = image.get(KEY)
-    return hasattr(stored, "get") and stored.get("format") == FORMAT
+    return bears(image, FORMAT)
+
+
+def box(image: bpy.types.Image) -> Box:
+    """Return the box of a stored grid."""
+    return Box.between(image[KEY]["bounds_min"], image[KEY]["bounds_max"])
+
+
+def scene_grid(scene: bpy.types.Scene) -> bpy.types.Image:
+    """Return the image of a scene's grid; raises `GridFileError` if it has none in the .blend."""
+    if scene.ivg.grid is None:
+        raise GridFileError(f"scene '{scene.name}' has no grid in the .blend: bake it, or choose one")
+    return scene.ivg.grid
 
 
 def named(image: bpy.types.Image) -> str:

@@ -19,8 +19,9 @@ import bpy
 
 from ..core import vdb_grid
 from ..core.errors import GridFileError
-from .grid_image import KEY, RESTORE, VOLUME, named
+from .grid_image import RESTORE, VOLUME, named
 from .grid_store import SUFFIX, absolute
+from .marks import KEY, bears
 
 FORMAT = "irradiance-vector-grid-volume"
 VERSION = 1
@@ -39,10 +40,7 @@ def volume_of(image: bpy.types.Image) -> bpy.types.Volume | None:
 
 def is_grid(thing: bpy.types.ID) -> bool:
     """Tell whether a datablock is the volume of a grid."""
-    if not isinstance(thing, bpy.types.Volume):
-        return False
-    stored = thing.get(KEY)
-    return hasattr(stored, "get") and stored.get("format") == FORMAT
+    return isinstance(thing, bpy.types.Volume) and bears(thing, FORMAT)
 
 
 def volume_path(grid_file: Path) -> Path:

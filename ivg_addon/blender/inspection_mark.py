@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import bpy
 
-from .grid_image import KEY
+from .marks import KEY, bears
 
 FORMAT = "irradiance-vector-grid-inspection"
 VERSION = 1
@@ -21,8 +21,7 @@ def mark(block: bpy.types.ID, **told: str) -> None:
 
 def is_inspection(block: bpy.types.ID) -> bool:
     """Tell whether a datablock, evaluated or not, only shows a grid."""
-    stored = block.get(KEY)
-    return hasattr(stored, "get") and stored.get("format") == FORMAT
+    return bears(block, FORMAT)
 
 
 def told_of(block: bpy.types.ID, name: str) -> str:

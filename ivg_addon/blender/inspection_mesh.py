@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ..core.errors import GridFileError
 from ..core.settings import Spatial
 from . import storage
+from .grid_image import scene_grid
 from .grid_store import compiled_code_folder, keep_compiled_code
 from .inspection_mark import inspection_objects, is_inspection, mark, told_of
 
@@ -56,7 +57,7 @@ def make_inspection_mesh(scene: bpy.types.Scene, kind: str, look: Mapping[str, A
     GridFileError
         The scene has no grid, its datablock was changed, or it has nothing to show.
     """
-    image = storage.scene_grid(scene)
+    image = scene_grid(scene)
     keep_compiled_code(compiled_code_folder())
     grid = storage.load_grid(image)
     surface = _surface(grid, kind, look, scene.ivg.spatial)

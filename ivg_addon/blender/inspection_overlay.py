@@ -26,6 +26,7 @@ from .bounds import Box
 from .bounds_overlay import draw_box
 from .grid_store import compiled_code_folder, keep_compiled_code
 from .inspection_shaders import ARROW_TEXELS, RAMP, SPHERE_TEXELS, arrow_shader, slice_shader, sphere_shader
+from .marks import KEY
 
 if TYPE_CHECKING:
     from ..core.grid import IrradianceVectorGrid
@@ -175,7 +176,7 @@ def view_of(scene: bpy.types.Scene) -> GridView | str:
     wrong = grid_image.problem(image)
     if wrong:
         return wrong
-    key = (image.session_uid, str(image[grid_image.KEY].get("grid_digest")))
+    key = (image.session_uid, str(image[KEY].get("grid_digest")))
     kept = _views.get(scene.session_uid)
     if kept is None or kept[0] != key:
         kept = _views[scene.session_uid] = (key, _read(image))

@@ -21,9 +21,10 @@ from ..core.errors import GridFileError
 from ..core.grid_atlas import AtlasLayout
 from ..core.settings import Spatial
 from . import grid_image
-from .grid_image import KEY, named
+from .grid_image import named
 from .grid_reading import Reading
 from .irradiance_formula import fill
+from .marks import KEY, bears
 
 NAME = "IVG Irradiance"
 FORMAT = "irradiance-vector-grid-nodes"
@@ -97,10 +98,7 @@ def find(image: bpy.types.Image) -> bpy.types.ShaderNodeTree | None:
 
 def grid_of(group: bpy.types.NodeTree) -> bpy.types.Image | None:
     """Return the image of the grid that a node group looks up; None if it is no such group."""
-    stored = group.get(KEY)
-    if not hasattr(stored, "get") or stored.get("format") != FORMAT:
-        return None
-    return stored.get("image")
+    return group[KEY].get("image") if bears(group, FORMAT) else None
 
 
 def _about(image: bpy.types.Image) -> dict[str, Any]:

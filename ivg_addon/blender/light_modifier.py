@@ -11,15 +11,18 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import bpy
-import numpy as np
 
 from ..core.errors import GridFileError
 from . import grid_volume
-from .grid_image import named
-from .modifier_nodes import BIAS, FORMAT, GRID, KEY, NAME, UNREADABLE, VERSION, make_group
+from .bounds import reaches_out
+from .grid_image import box, named
+from .marks import KEY, bears
+from .modifier_nodes import BIAS, FORMAT, GRID, NAME, UNREADABLE, VERSION, make_group
 
 TYPES = frozenset({"MESH", "CURVE", "FONT", "CURVES", "POINTCLOUD"})
 """Of objects that can have the modifier, and that light falls on."""
+_SLACK = 1e-5
+"""By how much objects may reach out of a grid before it is said."""
 
 
 @dataclass(frozen=True)
@@ -130,25 +133,14 @@ def problems(image: bpy.types.Image | None, objects: Iterable[bpy.types.Object])
             yield f"'{target.name}' has an IVG Light without a grid: add it again"
         elif UNREADABLE in (warning.message for warning in modifier.node_warnings):
             yield f"'{target.name}': {UNREADABLE}"
-        elif image is not None and grid.data == grid_volume.volume_of(image) and _reaches_out(target, image):
+        elif (
+            image is not None and grid.data == grid_volume.volume_of(image) and reaches_out(target, box(image), _SLACK)
+        ):
             yield f"'{target.name}' reaches out of the grid: there it has the light of the grid's edge"
 
 
-def _reaches_out(target: bpy.types.Object, image: bpy.types.Image) -> bool:
-    """Tell whether an object's box lies partly out of a grid's."""
-    matrix = np.array(target.matrix_world)
-    corners = np.array([tuple(corner) for corner in target.bound_box]) @ matrix[:3, :3].T + matrix[:3, 3]
-    low, high = np.array(image[KEY]["bounds_min"]), np.array(image[KEY]["bounds_max"])
-    # Positions are of single precision: what touches the box does not leave it.
-    slack = 1e-5 * (high - low).max()
-    return bool((corners.min(axis=0) < low - slack).any() or (corners.max(axis=0) > high + slack).any())
-
-
 def _is_ours(tree: bpy.types.NodeTree | None) -> bool:
-    if tree is None:
-        return False
-    stored = tree.get(KEY)
-    return hasattr(stored, "get") and stored.get("format") == FORMAT
+    return tree is not None and bears(tree, FORMAT)
 
 
 def _newer(tree: bpy.types.NodeTree) -> bool:

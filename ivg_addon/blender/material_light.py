@@ -15,8 +15,8 @@ import bpy
 
 from ..core.report import Notice, merge
 from .export_nodes import ADDED, Input, Output, follow
-from .grid_image import KEY as GRID_KEY
 from .light_groups import INPUTS, is_light_group, light_group
+from .marks import bears
 
 KEY = "ivg_light"
 """Of a material that has the light: which grid's, and how Cycles sampled its emission before."""
@@ -275,11 +275,7 @@ def _remove_unused() -> None:
     """Remove the node groups of light and look-ups that nothing uses, and the groups in them."""
     from .irradiance_nodes import FORMAT
 
-    def looks_up(group: bpy.types.NodeTree) -> bool:
-        stored = group.get(GRID_KEY)
-        return hasattr(stored, "get") and stored.get("format") == FORMAT
-
-    ours = [group for group in bpy.data.node_groups if is_light_group(group) or looks_up(group)]
+    ours = [group for group in bpy.data.node_groups if is_light_group(group) or bears(group, FORMAT)]
     names = {tree.name for group in ours for tree in _trees(group) if not tree.library}
     while True:
         found = (bpy.data.node_groups.get((name, None)) for name in names)

@@ -6,7 +6,7 @@ from __future__ import annotations
 import bpy
 
 from . import direct_light, material_light, scene_light, staleness
-from .grid_image import is_grid
+from .grid_image import box, is_grid
 from .panels import RenderPanel, draw_wrapped
 
 _outside: tuple[tuple[object, ...], str] = ((), "")
@@ -49,8 +49,7 @@ def _outside_message(scene: bpy.types.Scene) -> str:
     """Return what is to be said of objects outside of the scene's grid; computed anew after edits."""
     global _outside
     image = scene.ivg.grid
-    box = (tuple(image["ivg"]["bounds_min"]), tuple(image["ivg"]["bounds_max"]))
-    key = (scene.session_uid, staleness.edits(scene), box, len(scene.objects))
+    key = (scene.session_uid, staleness.edits(scene), box(image), len(scene.objects))
     if _outside[0] != key:
         _outside = (key, scene_light.outside_message(scene_light.objects_outside(scene, image)))
     return _outside[1]

@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import bpy
 
+from ..core.grid import DEFAULT_NORMAL_BIAS
 from ..core.vdb_grid import RESOLUTION
+from .marks import KEY
 from .node_builder import NodeBuilder
 from .volume_nodes import fill_look_up
 
-KEY = "ivg"
 NAME = "IVG Light"
 LOOK_UP_NAME = "IVG Light Look-Up"
 FORMAT = "irradiance-vector-grid-modifier"
@@ -43,7 +44,7 @@ def make_group() -> bpy.types.GeometryNodeTree:
     grid = tree.interface.new_socket(GRID, in_out="INPUT", socket_type="NodeSocketObject")
     grid.description = "Object of the grid's volume; it need not be in the scene"
     bias = tree.interface.new_socket(BIAS, in_out="INPUT", socket_type="NodeSocketFloat")
-    bias.default_value, bias.min_value, bias.max_value = 0.25, 0.0, 4.0
+    bias.default_value, bias.min_value, bias.max_value = DEFAULT_NORMAL_BIAS, 0.0, 4.0
     bias.description = "Look up this many voxels above the surface, where geometry cuts the grid's cells"
     stored = tree.interface.new_socket(STORED, in_out="INPUT", socket_type="NodeSocketString")
     stored.default_value = ATTRIBUTE

@@ -7,7 +7,7 @@ the light too; it is taken away with the light, and slots that were made for it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import bpy
@@ -15,14 +15,17 @@ import bpy
 from ..core.errors import GridFileError
 from ..core.report import Notice
 from . import material_light, staleness
+from .bounds import reaches_out
 from .export_nodes import STAND_IN
-from .grid_image import KEY as GRID_KEY
+from .grid_image import box, scene_grid
 from .inspection_mark import is_inspection
 
 _NAME = "IVG Stand-In"
 _ADDED_SLOT = "ivg_added_slot"
 """Of data to which a slot was added for it."""
 _WITH_SURFACE = frozenset({"MESH", "CURVE", "SURFACE", "FONT", "META", "CURVES", "POINTCLOUD"})
+_SLACK = 1e-3
+"""By how much objects may reach out of a grid before it is said."""
 _NAMED = 3
 """So many objects are named in one line."""
 
@@ -51,7 +54,7 @@ def add(context: bpy.types.Context, selected: bool = False) -> Lit:
     GridFileError
         There is no grid, or nodes cannot read it.
     """
-    image = _grid(context.scene)
+    image = scene_grid(context.scene)
     with staleness.no_change_of_light(context.scene):
         objects = _objects(context, selected)
         bare = _bare(objects)
@@ -98,13 +101,6 @@ def stays_old(image: bpy.types.Image) -> tuple[Notice, ...]:
     except GridFileError as error:
         return (Notice("warning", f"grid '{image.name}'", f"materials still have its light as it was: {error}"),)
     return ()
-
-
-def _grid(scene: bpy.types.Scene) -> bpy.types.Image:
-    """Return the image of a scene's grid."""
-    if scene.ivg.grid is None:
-        raise GridFileError(f"scene '{scene.name}' has no grid in the .blend: bake it, or choose one")
-    return scene.ivg.grid
 
 
 def _objects(context: bpy.types.Context, selected: bool) -> list[bpy.types.Object]:
@@ -180,26 +176,12 @@ def _take_stand_in(material: bpy.types.Material) -> None:
 
 def objects_outside(scene: bpy.types.Scene, image: bpy.types.Image) -> list[str]:
     """Return the names of the rendered objects that reach out of a grid's box."""
-    low, high = (tuple(image[GRID_KEY][name]) for name in ("bounds_min", "bounds_max"))
-    slack = 1e-3 * max(b - a for a, b in zip(low, high, strict=True))
+    own = box(image)
     return [
         current.name
         for current in scene.objects
-        if _has_surface(current)
-        and not current.hide_render
-        and any(
-            not a - slack <= x <= b + slack
-            for corner in _world_corners(current)
-            for x, a, b in zip(corner, low, high, strict=True)
-        )
+        if _has_surface(current) and not current.hide_render and reaches_out(current, own, _SLACK)
     ]
-
-
-def _world_corners(current: bpy.types.Object) -> Iterator[tuple[float, ...]]:
-    matrix = current.matrix_world
-    for corner in current.bound_box:
-        x, y, z = corner
-        yield tuple(row[0] * x + row[1] * y + row[2] * z + row[3] for row in matrix[:3])
 
 
 def outside_message(names: list[str]) -> str:

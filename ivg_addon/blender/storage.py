@@ -15,7 +15,7 @@ from ..core import vdb_grid
 from ..core.errors import GridFileError
 from ..core.settings import Spatial
 from . import grid_image, grid_volume, irradiance_nodes, staleness
-from .grid_image import PreparedImage, is_grid
+from .grid_image import PreparedImage, is_grid, scene_grid
 from .grid_store import SUFFIX, absolute, default_grid_path
 from .material_light import grid_of, lit_materials
 from .outcome import grid_file
@@ -43,13 +43,6 @@ def load_grid(image: bpy.types.Image) -> IrradianceVectorGrid:
     if wrong:
         raise GridFileError(wrong)
     return grid_image.read(image)
-
-
-def scene_grid(scene: bpy.types.Scene) -> bpy.types.Image:
-    """Return the image of a scene's grid; raises `GridFileError` if it has none in the .blend."""
-    if scene.ivg.grid is None:
-        raise GridFileError(f"scene '{scene.name}' has no grid in the .blend: bake it, or choose one")
-    return scene.ivg.grid
 
 
 def problem(image: bpy.types.Image) -> str:
