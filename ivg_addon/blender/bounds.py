@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import SceneError, SettingsError
 from ..core.settings import Vec3
-from .inspection_mark import is_inspection
 from .left_out import LeftOut
 
 Float64 = NDArray[np.float64]
@@ -93,9 +92,7 @@ def scene_box(depsgraph: bpy.types.Depsgraph) -> Box:
     vertices_left = EXACT_VERTICES
     for instance in depsgraph.object_instances:
         shown = instance.object
-        if shown.type not in SURFACE_TYPES or not instance.show_self or shown.hide_render or is_inspection(shown):
-            continue
-        if left_out.has(instance):
+        if shown.type not in SURFACE_TYPES or not instance.show_self or shown.hide_render or left_out.has(instance):
             continue
         own = np.array(shown.bound_box, dtype=np.float64)
         if not np.isfinite(own).all() or not np.ptp(own, axis=0).any():

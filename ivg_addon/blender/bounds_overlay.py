@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from .bounds import Box, Resolution
 from .bounds_preview import preview
+from .viewport_overlay import ViewportOverlay
 
 Float32 = NDArray[np.float32]
 
@@ -25,8 +26,6 @@ EDGE_WIDTH = 1.5
 TICK_WIDTH = 1.0
 TICK_LENGTH = 0.5
 """In voxels."""
-
-_handle: Any = None
 
 
 def edge_lines(box: Box) -> Float32:
@@ -108,17 +107,15 @@ def _draw() -> None:
         draw_box(found.box, found.resolution, COLOR, context.preferences.system.pixel_size)
 
 
+_overlay = ViewportOverlay(_draw)
+
+
 def register() -> None:
-    """Draw in every viewport; without a window there is none."""
-    global _handle
-    if not bpy.app.background:
-        _handle = bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_VIEW")
+    """Draw in every viewport."""
+    _overlay.register()
 
 
 def unregister() -> None:
     """Draw no more."""
-    global _handle
-    if _handle is not None:
-        bpy.types.SpaceView3D.draw_handler_remove(_handle, "WINDOW")
-        _handle = None
+    _overlay.unregister()
     _batches.cache_clear()

@@ -15,7 +15,6 @@ from typing import Any
 import bpy
 
 from ..core.errors import SceneError
-from .inspection_mark import inspection_objects
 from .left_out import left_out
 
 Settings = Mapping[tuple[bpy.types.bpy_struct, str], Any]
@@ -125,7 +124,7 @@ def truthful(
         **{(cycles, f"use_{feature}"): False for feature in _BIASED},
         **{(render, f"use_{feature}"): False for feature in _UNKNOWN_TO_GRIDS},
         **other_layers,
-        **{(shown, "hide_render"): True for shown in (*inspection_objects(scene), *left_out(scene))},
+        **{(shown, "hide_render"): True for shown in left_out(scene)},
     }
 
 

@@ -25,7 +25,6 @@ from .export_materials import MaterialTable
 from .export_mesh import read_mesh, read_uv_map
 from .export_needs import Needs
 from .export_strands import hair_systems, read_curves, read_hair, read_points
-from .inspection_mark import is_inspection
 from .instancers import Instancers
 
 _UNREAD = {
@@ -156,9 +155,9 @@ class GeometryReader:
         owner: bpy.types.Object,
         seers: list[bpy.types.Object],
     ) -> list[_Part]:
-        """Return what an object consists of, unless no ray sees it or it only shows a grid."""
+        """Return what an object consists of, unless no ray sees it."""
         subject = f"object '{owner.name}'"
-        if not _visible_at_all(seers) or is_inspection(shown):
+        if not _visible_at_all(seers):
             return []
         parts = []
         if instance.show_particles and self._shows_hair and shown.type == "MESH":

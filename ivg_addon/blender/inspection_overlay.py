@@ -27,6 +27,7 @@ from .bounds_overlay import draw_box
 from .grid_store import compiled_code_folder, keep_compiled_code
 from .inspection_shaders import ARROW_TEXELS, RAMP, SPHERE_TEXELS, arrow_shader, slice_shader, sphere_shader
 from .marks import KEY
+from .viewport_overlay import ViewportOverlay
 
 if TYPE_CHECKING:
     from ..core.grid import IrradianceVectorGrid
@@ -43,8 +44,6 @@ UNLIT_SIZE = 0.3
 
 _PER_ROW = 1024
 _SQUARE = ((-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0))
-
-_handle: Any = None
 
 
 @dataclass
@@ -313,19 +312,17 @@ def _draw() -> None:
         draw_box(box, lattice.resolution, BOX_COLOR, context.preferences.system.pixel_size)
 
 
+_overlay = ViewportOverlay(_draw)
+
+
 def register() -> None:
-    """Draw in every viewport; without a window there is none."""
-    global _handle
-    if not bpy.app.background:
-        _handle = bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_VIEW")
+    """Draw in every viewport."""
+    _overlay.register()
 
 
 def unregister() -> None:
     """Draw no more."""
-    global _handle
-    if _handle is not None:
-        bpy.types.SpaceView3D.draw_handler_remove(_handle, "WINDOW")
-        _handle = None
+    _overlay.unregister()
     forget()
     for kept in (_square, _arrow_batch, _ramp):
         kept.cache_clear()

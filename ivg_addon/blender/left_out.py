@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Objects that a bake leaves out though they render: those that move, and take their light from the grid."""
+"""Objects that a bake leaves out though they render.
+
+Those that move, and take their light from the grid; and what only shows a grid (inspection_mark.py), without a word.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +11,18 @@ from collections.abc import Iterator
 import bpy
 
 from ..core.report import Notice
+from .inspection_mark import is_inspection
 
 _BY_ITS_SETTING = "Leave Out of the Bake is set"
 
 
 def is_left_out(thing: bpy.types.Object) -> bool:
-    """Tell whether an object is left out by its setting; where that is not registered none is."""
+    """Tell whether an object is left out."""
+    return _by_its_setting(thing) or is_inspection(thing)
+
+
+def _by_its_setting(thing: bpy.types.Object) -> bool:
+    """Tell whether the user has said so; where the setting is not registered nobody has."""
     settings = getattr(thing, "ivg", None)
     return settings is not None and bool(settings.leave_out)
 
@@ -37,7 +46,8 @@ class LeftOut:
             return False
         for thing in (instance.object, instance.parent, instance.instance_object):
             if thing is not None and is_left_out(thing.original):
-                self._names[thing.name] = None
+                if _by_its_setting(thing.original):
+                    self._names[thing.name] = None
                 return True
         return False
 
