@@ -10,7 +10,8 @@ import bpy
 
 from ..core.dual_cells import Lattice
 from ..core.grid_atlas import BORDER, LIT, AtlasLayout
-from .node_maths import BLACK, Colour, NodeMaths, Socket
+from .node_formulas import Socket
+from .shader_maths import BLACK, Colour, ShaderMaths
 
 Corner = tuple[int, int, int]
 """Of a voxel: 0 or 1 along each axis."""
@@ -47,28 +48,28 @@ class Reading:
         width, height = self.layout.tile
         return width * self.texel[0], height * self.texel[1]
 
-    def plane(self, maths: NodeMaths, place: Socket, plane: int) -> Socket:
+    def plane(self, maths: ShaderMaths, place: Socket, plane: int) -> Socket:
         """Read a plane where `place` are the texture coordinates in the first; return the colour."""
         at = maths.vector("ADD", place, (plane * self.tile[0], 0.0, 0.0)) if plane else place
         settings = {"image": self.image, "interpolation": "Closest", "extension": "EXTEND"}
         return maths.node("ShaderNodeTexImage", {"Vector": at}, **settings).outputs["Color"]
 
-    def place(self, maths: NodeMaths, position: Socket) -> Socket:
+    def place(self, maths: ShaderMaths, position: Socket) -> Socket:
         """Return where a position is in voxels from the lower corner; outside the box the nearest place in it."""
         above = maths.vector("SUBTRACT", position, self.lattice.bounds_min)
         return self.within(maths, maths.vector("DIVIDE", above, tuple(float(h) for h in self.lattice.voxel_size)))
 
-    def within(self, maths: NodeMaths, place: Socket) -> Socket:
+    def within(self, maths: ShaderMaths, place: Socket) -> Socket:
         """Return the place in the box that is nearest to a place, both in voxels."""
         last = tuple(float(n) for n in self.lattice.resolution)
         return maths.vector("MINIMUM", maths.vector("MAXIMUM", place, (0.0,) * 3), last)
 
-    def voxel(self, maths: NodeMaths, place: Socket) -> Socket:
+    def voxel(self, maths: ShaderMaths, place: Socket) -> Socket:
         """Return the lower vertex of the voxel that a place is in, counted along the axes."""
         last = tuple(float(n - 1) for n in self.lattice.resolution)
         return maths.vector("MINIMUM", maths.vector("FLOOR", place), last)
 
-    def corners(self, maths: NodeMaths, voxel: Socket) -> dict[Corner, Socket]:
+    def corners(self, maths: ShaderMaths, voxel: Socket) -> dict[Corner, Socket]:
         """Return the texture coordinates of a voxel's vertices in the first plane."""
         width, height = self.texel
         middle = BORDER + 0.5
@@ -80,7 +81,7 @@ class Reading:
             for i, j, k in CORNERS
         }
 
-    def _slice(self, maths: NodeMaths, k: Socket) -> Socket:
+    def _slice(self, maths: ShaderMaths, k: Socket) -> Socket:
         """Return how far a slice's first plane is from that of slice 0, in texture coordinates."""
         across = float(self.layout.across)
         row = maths.math("FLOOR", maths.math("MULTIPLY_ADD", k, 1.0 / across, 0.5 / across))
@@ -89,7 +90,7 @@ class Reading:
         return maths.vector("MULTIPLY", maths.combined(column, row, 0.0), (self.layout.planes * width, height, 0.0))
 
 
-def weights(maths: NodeMaths, fraction: Socket) -> dict[Corner, Socket]:
+def weights(maths: ShaderMaths, fraction: Socket) -> dict[Corner, Socket]:
     """Return the trilinear weights of a voxel's corners for a place that is `fraction` above the lowest."""
     lower = maths.separated(maths.vector("SUBTRACT", (1.0,) * 3, fraction))
     along = list(zip(lower, maths.separated(fraction), strict=True))
@@ -97,7 +98,7 @@ def weights(maths: NodeMaths, fraction: Socket) -> dict[Corner, Socket]:
     return {(i, j, k): maths.math("MULTIPLY", along[0][i], rows[j, k]) for i, j, k in CORNERS}
 
 
-def unlit(maths: NodeMaths, reading: Reading, place: Socket, voxel: Socket) -> Socket:
+def unlit(maths: ShaderMaths, reading: Reading, place: Socket, voxel: Socket) -> Socket:
     """Return the unlit share of the cells around a place in a voxel."""
     texels = reading.corners(maths, voxel)
     lit: Colour = BLACK

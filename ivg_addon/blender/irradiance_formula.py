@@ -17,8 +17,9 @@ from ..core.grid_atlas import LIT
 from ..core.look_up_rules import BEHIND, WITHIN
 from ..core.moments import NAMES
 from .grid_reading import CORNERS, Reading, unlit, weights
-from .node_maths import BLACK, NodeMaths, Number, Socket, Vector
+from .node_formulas import Number, Socket, Vector
 from .reconstruction_nodes import coefficients
+from .shader_maths import BLACK, ShaderMaths
 from .wall_nodes import Beside, fill_asked, fill_sides, in_turn, step_back
 
 Part = Callable[[str], bpy.types.ShaderNodeTree]
@@ -47,7 +48,7 @@ def fill(group: bpy.types.ShaderNodeTree, reading: Reading, part: Part) -> None:
         fill_vertex(vertex, reading, part("sides"))
     else:
         fill_vertex(vertex, reading, None)
-    maths = NodeMaths(group)
+    maths = ShaderMaths(group)
     given = maths.inputs({"Normal": "Vector"})["Normal"]
     geometry = maths.node("ShaderNodeNewGeometry", {})
     surface = geometry.outputs["Normal"]
@@ -91,7 +92,7 @@ def fill_vertex(group: bpy.types.ShaderNodeTree, reading: Reading, sides: bpy.ty
     voxels `Ahead` of the surface the vertex lies, the interpolation's `Weight`, the exponent `Proximity`, and the
     coefficients; with `sides` (`fill_sides`) also what these ask for, and 1 as `Spoken` where they are not to be asked.
     """
-    maths = NodeMaths(group)
+    maths = ShaderMaths(group)
     kinds = {"Light": "Color", "Place": "Vector"}
     kinds |= dict.fromkeys(("Lit", "Ahead", "Proximity", "Weight", *NAMES), "Float")
     if sides is not None:
@@ -119,7 +120,7 @@ def fill_vertex(group: bpy.types.ShaderNodeTree, reading: Reading, sides: bpy.ty
     )
 
 
-def _moved(maths: NodeMaths, reading: Reading, beside: Beside, off: Socket) -> tuple[Socket, Socket]:
+def _moved(maths: ShaderMaths, reading: Reading, beside: Beside, off: Socket) -> tuple[Socket, Socket]:
     """Return the voxel to which the bias moves a place, and how far above its lower vertex: not out of one at walls."""
     moved = reading.within(maths, maths.vector("ADD", beside.place, off))
     voxel = reading.voxel(maths, moved)

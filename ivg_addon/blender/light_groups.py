@@ -26,7 +26,8 @@ from collections.abc import Callable
 
 import bpy
 
-from .node_maths import NodeMaths, Number, Socket
+from .node_formulas import Number, Socket
+from .shader_maths import ShaderMaths
 
 KEY = "ivg_light_group"
 VERSION = 1
@@ -49,7 +50,7 @@ def light_group(kind: str) -> bpy.types.ShaderNodeTree:
     if group is None:
         group = bpy.data.node_groups.new(f"IVG {kind.title()} Light", "ShaderNodeTree")
     if group.get(KEY) is None or group[KEY]["version"] != VERSION:
-        _FILLERS[kind](NodeMaths(group))
+        _FILLERS[kind](ShaderMaths(group))
         group[KEY] = {"kind": kind, "version": VERSION}
     return group
 
@@ -71,19 +72,19 @@ INPUTS: dict[str, tuple[str, ...]] = {
 """By kind, what a group is to be told of the BSDF: the names of the inputs of both."""
 
 
-def _fill_diffuse(maths: NodeMaths) -> None:
+def _fill_diffuse(maths: ShaderMaths) -> None:
     into = maths.inputs({"BSDF": "Shader", "Irradiance": "Color", "Color": "Color", "Roughness": "Float"})
     _shine(maths, into, _rough(maths, into["Color"], into["Roughness"]))
 
 
-def _fill_sheen(maths: NodeMaths) -> None:
+def _fill_sheen(maths: ShaderMaths) -> None:
     kinds = {"BSDF": "Shader", "Irradiance": "Color", "Color": "Color", "Roughness": "Float", "Normal": "Vector"}
     into = maths.inputs(kinds)
     reflected = _sheen(maths, _cosine(maths, into["Normal"]), into["Roughness"])
     _shine(maths, into, maths.scaled(into["Color"], reflected))
 
 
-def _fill_principled(maths: NodeMaths) -> None:
+def _fill_principled(maths: ShaderMaths) -> None:
     kinds = {"BSDF": "Shader", "Irradiance": "Color", "Normal": "Vector"}
     into = maths.inputs(kinds | dict.fromkeys(_COLOURS, "Color") | dict.fromkeys(_FLOATS, "Float"))
     cosine = _cosine(maths, into["Normal"])
@@ -103,14 +104,14 @@ def _fill_principled(maths: NodeMaths) -> None:
     _shine(maths, into, maths.scaled(maths.vector("ADD", body, sheen), into["Alpha"]))
 
 
-_FILLERS: dict[str, Callable[[NodeMaths], None]] = {
+_FILLERS: dict[str, Callable[[ShaderMaths], None]] = {
     "DIFFUSE": _fill_diffuse,
     "SHEEN": _fill_sheen,
     "PRINCIPLED": _fill_principled,
 }
 
 
-def _shine(maths: NodeMaths, into: dict[str, Socket], reflectance: Socket) -> None:
+def _shine(maths: ShaderMaths, into: dict[str, Socket], reflectance: Socket) -> None:
     """Put out the BSDF and the light, which is mixed with nothing where it is not seen: then it is not computed."""
     path = maths.node("ShaderNodeLightPath", {})
     seen: Number = 0.0
@@ -125,7 +126,7 @@ def _shine(maths: NodeMaths, into: dict[str, Socket], reflectance: Socket) -> No
     maths.outputs({"BSDF": ("Shader", both.outputs[0])})
 
 
-def _cosine(maths: NodeMaths, given: Socket) -> Socket:
+def _cosine(maths: ShaderMaths, given: Socket) -> Socket:
     """Return μ, that of the angle between the direction of view and the normal: a given one, or the surface's own."""
     geometry = maths.node("ShaderNodeNewGeometry", {})
     absent = maths.math("LESS_THAN", maths.length(given), 1e-6)
@@ -133,7 +134,7 @@ def _cosine(maths: NodeMaths, given: Socket) -> Socket:
     return _least(maths, maths.math("ABSOLUTE", maths.dot(geometry.outputs["Incoming"], normal)), 1.0)
 
 
-def _rough(maths: NodeMaths, colour: Socket, roughness: Socket) -> Socket:
+def _rough(maths: ShaderMaths, colour: Socket, roughness: Socket) -> Socket:
     """Return the albedo of a diffuse lobe of any roughness: `principled.oren_nayar_share` times the colour."""
     spread = maths.math("DIVIDE", 1.0, maths.math("MULTIPLY_ADD", roughness, math.pi / 2 - 2 / 3, math.pi))
     once = maths.math("MULTIPLY", spread, maths.math("MULTIPLY_ADD", roughness, (2 * math.pi - 5.6) / 3, math.pi))
@@ -145,7 +146,7 @@ def _rough(maths: NodeMaths, colour: Socket, roughness: Socket) -> Socket:
     return maths.vector("MULTIPLY", colour, maths.scaled(share, once))
 
 
-def _facets(maths: NodeMaths, ior: Socket, level: Socket) -> tuple[Socket, Socket]:
+def _facets(maths: ShaderMaths, ior: Socket, level: Socket) -> tuple[Socket, Socket]:
     """Return f₀ before its tint and η ≥ 1: `principled.normal_reflectance`."""
     plain = maths.math("MAXIMUM", ior, 1e-5)
     root = maths.math("DIVIDE", maths.math("SUBTRACT", plain, 1.0), maths.math("ADD", plain, 1.0))
@@ -155,7 +156,7 @@ def _facets(maths: NodeMaths, ior: Socket, level: Socket) -> tuple[Socket, Socke
     return adjusted, maths.math("DIVIDE", maths.math("ADD", edge, 1.0), _rest(maths, edge))
 
 
-def _layer(maths: NodeMaths, cosine: Socket, f0: Socket, eta: Socket, roughness: Socket) -> Socket:
+def _layer(maths: ShaderMaths, cosine: Socket, f0: Socket, eta: Socket, roughness: Socket) -> Socket:
     """Return R of the equation above; nothing where there is nothing to reflect."""
     (a1, a2, a3), b, c = _MIRROR["a"], _MIRROR["b"], _MIRROR["c"]
     d1, d2 = _SPREAD
@@ -177,7 +178,7 @@ def _layer(maths: NodeMaths, cosine: Socket, f0: Socket, eta: Socket, roughness:
     return maths.math("MULTIPLY", _least(maths, maths.math("MAXIMUM", mixed, 0.0), 1.0), there)
 
 
-def _coat(maths: NodeMaths, into: dict[str, Socket], cosine: Socket) -> Socket:
+def _coat(maths: ShaderMaths, into: dict[str, Socket], cosine: Socket) -> Socket:
     """Return what the coat lets through, per channel: `principled.through_coat`, without the sheen."""
     ior = maths.math("MAXIMUM", into["Coat IOR"], 1.0)
     root = maths.math("DIVIDE", maths.math("SUBTRACT", ior, 1.0), maths.math("ADD", ior, 1.0))
@@ -191,7 +192,7 @@ def _coat(maths: NodeMaths, into: dict[str, Socket], cosine: Socket) -> Socket:
     return maths.scaled(maths.vector("ADD", tinted, (1.0,) * 3), left)
 
 
-def _sheen(maths: NodeMaths, cosine: Socket, roughness: Socket) -> Socket:
+def _sheen(maths: ShaderMaths, cosine: Socket, roughness: Socket) -> Socket:
     """Return R_s of `core/sheen.py`."""
     r = maths.math("MAXIMUM", roughness, 1e-3)
 
@@ -211,16 +212,16 @@ def _sheen(maths: NodeMaths, cosine: Socket, roughness: Socket) -> Socket:
     return _least(maths, maths.math("MAXIMUM", maths.math("ADD", bell, floor), 0.0), 1.0)
 
 
-def _rest(maths: NodeMaths, share: Socket) -> Socket:
+def _rest(maths: ShaderMaths, share: Socket) -> Socket:
     """Return 1 − share, at least 0."""
     return maths.math("MAXIMUM", maths.math("SUBTRACT", 1.0, share), 0.0)
 
 
-def _least(maths: NodeMaths, value: Socket, most: float) -> Socket:
+def _least(maths: ShaderMaths, value: Socket, most: float) -> Socket:
     return maths.math("MINIMUM", value, most)
 
 
-def _largest(maths: NodeMaths, colour: Socket) -> Socket:
+def _largest(maths: ShaderMaths, colour: Socket) -> Socket:
     """Return the largest channel of a colour, at least 0."""
     red, green, blue = maths.separated(colour)
     return maths.math("MAXIMUM", maths.math("MAXIMUM", red, green), maths.math("MAXIMUM", blue, 0.0))

@@ -12,8 +12,9 @@ import bpy
 
 from ..core.grid import DEFAULT_NORMAL_BIAS
 from ..core.vdb_grid import RESOLUTION
+from .geometry_maths import GeometryMaths
 from .marks import KEY
-from .node_builder import NodeBuilder
+from .node_formulas import Socket
 from .volume_nodes import fill_look_up
 
 NAME = "IVG Light"
@@ -28,8 +29,6 @@ _DIFFERENT = 1e-4
 """Distance of two unit normals from which on a vertex has more than one."""
 UNREADABLE = "the file of the grid's volume is missing, or holds no grid: objects are black; press Restore in the panel"
 """What a modifier says of its grid."""
-
-Socket = bpy.types.NodeSocket
 
 
 def make_group() -> bpy.types.GeometryNodeTree:
@@ -49,26 +48,26 @@ def make_group() -> bpy.types.GeometryNodeTree:
     stored = tree.interface.new_socket(STORED, in_out="INPUT", socket_type="NodeSocketString")
     stored.default_value = ATTRIBUTE
     stored.description = "Name of the colour attribute that gets the irradiance, W/m²"
-    build = NodeBuilder(tree)
-    build.node("NodeGroupOutput", _lit(build, look_up))
+    build = GeometryMaths(tree)
+    build.made("NodeGroupOutput", _lit(build, look_up))
     build.arrange()
     return tree
 
 
-def _lit(build: NodeBuilder, look_up: bpy.types.GeometryNodeTree) -> Socket:
+def _lit(build: GeometryMaths, look_up: bpy.types.GeometryNodeTree) -> Socket:
     """Return the geometry with its irradiance."""
     given = build.tree.nodes.new("NodeGroupInput").outputs
-    volume = build.node("GeometryNodeObjectInfo", given[GRID], transform_space="ORIGINAL").outputs["Geometry"]
-    resolution = build.node("GeometryNodeGetNamedGrid", volume, RESOLUTION, False, data_type="VECTOR").outputs["Grid"]
+    volume = build.made("GeometryNodeObjectInfo", given[GRID], transform_space="ORIGINAL").outputs["Geometry"]
+    resolution = build.made("GeometryNodeGetNamedGrid", volume, RESOLUTION, False, data_type="VECTOR").outputs["Grid"]
     found = build.value("GeometryNodeSampleGridIndex", resolution, 0, 0, 0, data_type="VECTOR")
-    missing = build.math("LESS_THAN", build.split(found)[0], 0.5)
-    build.node("GeometryNodeWarning", missing, UNREADABLE, warning_type="WARNING")
+    missing = build.math("LESS_THAN", build.separated(found)[0], 0.5)
+    build.made("GeometryNodeWarning", missing, UNREADABLE, warning_type="WARNING")
     itself = build.value("GeometryNodeSelfObject")
-    to_world = build.node("GeometryNodeObjectInfo", itself, transform_space="ORIGINAL").outputs["Transform"]
+    to_world = build.made("GeometryNodeObjectInfo", itself, transform_space="ORIGINAL").outputs["Transform"]
     position = build.value("FunctionNodeTransformPoint", build.value("GeometryNodeInputPosition"), to_world)
     # Normals stay across surfaces under any scale: they go by the inverse, transposed.
     across = build.value("FunctionNodeTransposeMatrix", build.value("FunctionNodeInvertMatrix", to_world))
-    own = build.node("GeometryNodeInputNormal").outputs["Normal"]
+    own = build.made("GeometryNodeInputNormal").outputs["Normal"]
     normal = build.value("FunctionNodeTransformDirection", own, across)
 
     def irradiance(n: Socket | tuple[float, ...]) -> Socket:
@@ -78,7 +77,7 @@ def _lit(build: NodeBuilder, look_up: bpy.types.GeometryNodeTree) -> Socket:
         kind = {"data_type": "FLOAT_COLOR", "domain": domain}
         return build.value("GeometryNodeStoreNamedAttribute", geometry, True, given[STORED], value, **kind)
 
-    parts = build.node(
+    parts = build.made(
         "GeometryNodeSeparateComponents", build.value("GeometryNodeRealizeInstances", given["Geometry"])
     ).outputs
     facing, anywhere = irradiance(normal), irradiance((0.0, 0.0, 0.0))
@@ -86,7 +85,7 @@ def _lit(build: NodeBuilder, look_up: bpy.types.GeometryNodeTree) -> Socket:
     surface = build.choose(
         "GEOMETRY", _has_edges(build, mesh, own), store(mesh, facing, "CORNER"), store(mesh, facing, "POINT")
     )
-    faces = build.node("GeometryNodeAttributeDomainSize", mesh, component="MESH").outputs["Face Count"]
+    faces = build.made("GeometryNodeAttributeDomainSize", mesh, component="MESH").outputs["Face Count"]
     mesh = build.choose("GEOMETRY", faces, surface, store(mesh, anywhere, "POINT"))
     join = build.tree.nodes.new("GeometryNodeJoinGeometry")
     # Links to one socket are kept in an order of which the last that was made comes first.
@@ -98,9 +97,9 @@ def _lit(build: NodeBuilder, look_up: bpy.types.GeometryNodeTree) -> Socket:
     return join.outputs[0]
 
 
-def _has_edges(build: NodeBuilder, mesh: Socket, normal: Socket) -> Socket:
+def _has_edges(build: GeometryMaths, mesh: Socket, normal: Socket) -> Socket:
     """Tell whether corners of a mesh have other normals than their vertices."""
     smooth = build.value("GeometryNodeFieldOnDomain", normal, data_type="FLOAT_VECTOR", domain="POINT")
     apart = build.vector("DISTANCE", normal, smooth)
-    most = build.node("GeometryNodeAttributeStatistic", mesh, True, apart, data_type="FLOAT", domain="CORNER")
+    most = build.made("GeometryNodeAttributeStatistic", mesh, True, apart, data_type="FLOAT", domain="CORNER")
     return build.math("GREATER_THAN", most.outputs["Max"], _DIFFERENT)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from .node_maths import NodeMaths, Socket
+from .node_formulas import NodeFormulas, Socket
 
 _OWN = 1.0 / (math.pi - 2.0)
 _ALONG = 2.0 * math.pi / (math.pi**2 - 4.0)
@@ -16,8 +16,8 @@ _ACROSS = 4.0 / (math.pi**2 - 4.0)
 """W_kk = _OWN (r_k − mean r) + 1/3 and W_kl = _ALONG a_k n_l − _ACROSS a_l n_k."""
 
 
-def coefficients(maths: NodeMaths, normal: Socket) -> list[Socket]:
-    """Return the coefficients of F_x … D_zz at a unit normal, numbers."""
+def coefficients(maths: NodeFormulas, normal: Socket) -> list[Socket]:
+    """Return the coefficients of F_x … D_zz at a unit normal, numbers; at 0 those of the mean over all normals."""
     # Rounding makes unit vectors longer than one, of which EEVEE's arc sine is 0.
     n = maths.vector("MINIMUM", maths.vector("MAXIMUM", normal, (-1.0,) * 3), (1.0,) * 3)
     components = maths.separated(n)

@@ -6,20 +6,17 @@ Positions x are in voxels from the grid's lower corner: vertices are whole numbe
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import bpy
 
 from ..core.look_up_rules import BEHIND, LEAST_SPOKEN, WITHIN
 from ..core.vdb_grid import CHANNELS, DIVIDED, PLANE_NORMALS, PLANE_OFFSETS, PLANE_SLACKS, RESOLUTION
-from .node_builder import NodeBuilder, Value
-
-Socket = bpy.types.NodeSocket
+from .geometry_maths import GeometryMaths
+from .node_formulas import Socket, Value
+from .reconstruction_nodes import coefficients
 
 _CORNERS = 8
-_OFF = 2.0 / (math.pi * math.pi - 4.0)
-"""Of W_kl, before π a_k n_l − 2 a_l n_k."""
 
 
 def fill_look_up(tree: bpy.types.GeometryNodeTree) -> None:
@@ -35,9 +32,9 @@ def fill_look_up(tree: bpy.types.GeometryNodeTree) -> None:
     ):
         tree.interface.new_socket(name, in_out="INPUT", socket_type=kind)
     tree.interface.new_socket("Irradiance", in_out="OUTPUT", socket_type="NodeSocketVector")
-    build = NodeBuilder(tree)
+    build = GeometryMaths(tree)
     found = _LookUp(build).irradiance()
-    build.node("NodeGroupOutput", found)
+    build.made("NodeGroupOutput", found)
     build.arrange()
 
 
@@ -53,7 +50,7 @@ class _Place:
 class _LookUp:
     """The formulas, in the order of `look_up.look_up`."""
 
-    def __init__(self, build: NodeBuilder) -> None:
+    def __init__(self, build: GeometryMaths) -> None:
         self._build = build
         given = build.tree.nodes.new("NodeGroupInput").outputs
         self._volume = given["Volume"]
@@ -92,7 +89,8 @@ class _LookUp:
     def _blend(self, here: Socket, place: _Place, proximity: Socket) -> Socket:
         """Return E of the vertices around a place, weighted as `look_up.lean` and `leave_to_speakers` do."""
         build = self._build
-        rows = self._rows()
+        numbers = coefficients(build, self._n)
+        rows = [build.combined(*numbers[row : row + 3]) for row in range(0, len(numbers), 3)]
         names = [(part, letter) for part in ("F", "D_x", "D_y", "D_z") for letter in CHANNELS]
         grids = {name: self._grid("VECTOR", "_".join(name)) for name in names}
         number, zone = build.repeat(
@@ -116,7 +114,7 @@ class _LookUp:
             channels.append(
                 build.math("ADD", build.math("ADD", parts[0], parts[1]), build.math("ADD", parts[2], parts[3]))
             )
-        light = build.scaled(build.join(*channels), weight)
+        light = build.scaled(build.combined(*channels), weight)
         speaks = build.choose("FLOAT", self._divided, self._speaks(vertex, here)[0], 1.0)
         light, weight, heard, spoken = zone.close(
             light=build.vector("ADD", zone["light"], light),
@@ -126,7 +124,7 @@ class _LookUp:
         )
         some = build.math("GREATER_THAN", spoken, 0.0)
         light, weight = build.choose("VECTOR", some, heard, light), build.choose("FLOAT", some, spoken, weight)
-        e = build.scaled(light, build.math("DIVIDE", 0.5, weight))
+        e = build.scaled(light, build.math("DIVIDE", 1.0, weight))
         return build.vector("MAXIMUM", e, (0.0, 0.0, 0.0))
 
     def _step_back(self) -> tuple[Socket, Socket]:
@@ -161,8 +159,8 @@ class _LookUp:
         """Return, of a vertex, 1 if it speaks for x, the normal of a plane that denies it, and 1 if it has planes."""
         build = self._build
         normals = [self._at("VECTOR", grid, vertex) for grid in self._planes]
-        offsets = build.split(self._at("VECTOR", self._offsets, vertex))
-        slacks = build.split(self._at("VECTOR", self._slacks, vertex))
+        offsets = build.separated(self._at("VECTOR", self._offsets, vertex))
+        slacks = build.separated(self._at("VECTOR", self._slacks, vertex))
         speaks: Value = 1.0
         wall: Value = (0.0, 0.0, 0.0)
         # The first plane that denies x decides: it comes last.
@@ -175,42 +173,15 @@ class _LookUp:
         divided = build.vector("DOT_PRODUCT", normals[0], normals[0])
         return speaks, wall, divided
 
-    def _rows(self) -> list[Socket]:
-        """Return n and the rows W_x, W_y, W_z of the least-squares reconstruction (core/reconstruction.py).
-
-        W_kl = 2 (π a_k n_l − 2 a_l n_k)/(π² − 4), of whose diagonal so much is missing as W_kk is more.
-        """
-        build, n = self._build, self._n
-        components = build.split(n)
-        arcs = [build.math("ARCSINE", component) for component in components]
-        a = build.join(*arcs)
-        squares = [build.math("MULTIPLY", component, component) for component in components]
-        s = build.join(
-            *(build.math("SQRT", build.math("MAXIMUM", build.math("SUBTRACT", 1.0, q), 0.0)) for q in squares)
-        )
-        an = build.vector("MULTIPLY", a, n)
-        r = build.scaled(build.vector("ADD", an, s), 2.0)
-        mean = build.math("DIVIDE", build.vector("DOT_PRODUCT", r, (1.0, 1.0, 1.0)), 3.0)
-        w = build.scaled(build.vector("SUBTRACT", r, build.join(mean, mean, mean)), 1.0 / (math.pi - 2.0))
-        w = build.vector("ADD", w, (1.0 / 3.0,) * 3)
-        missing = build.vector("SUBTRACT", w, build.scaled(an, _OFF * (math.pi - 2.0)))
-        rows = [n]
-        for k, axis in enumerate(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))):
-            along = build.scaled(n, build.math("MULTIPLY", arcs[k], _OFF * math.pi))
-            across = build.scaled(a, build.math("MULTIPLY", components[k], 2.0 * _OFF))
-            off = build.vector("SUBTRACT", along, across)
-            rows.append(build.vector("ADD", off, build.vector("MULTIPLY", missing, axis)))
-        return rows
-
     def _corner(self, number: Socket, place: _Place) -> tuple[Socket, Socket]:
         """Return corner `number`, 0 … 7, of a place's voxel, and its trilinear weight."""
         build = self._build
         halves = build.math("FLOOR", build.math("MULTIPLY", number, 0.5))
         quarters = build.math("FLOOR", build.math("MULTIPLY", number, 0.25))
-        offset = build.join(*(build.math("MODULO", value, 2.0) for value in (number, halves, quarters)))
+        offset = build.combined(*(build.math("MODULO", value, 2.0) for value in (number, halves, quarters)))
         vertex = build.vector("ADD", place.base, offset)
         apart = build.vector("ABSOLUTE", build.vector("SUBTRACT", vertex, place.x))
-        near = build.split(build.vector("SUBTRACT", (1.0, 1.0, 1.0), apart))
+        near = build.separated(build.vector("SUBTRACT", (1.0, 1.0, 1.0), apart))
         a, b, c = (build.math("MAXIMUM", number, place.least) for number in near)
         return vertex, build.math("MULTIPLY", build.math("MULTIPLY", a, b), c)
 
@@ -230,11 +201,11 @@ class _LookUp:
 
     def _grid(self, kind: str, name: str) -> Socket:
         """Return one of the volume's grids."""
-        return self._build.node("GeometryNodeGetNamedGrid", self._volume, name, False, data_type=kind).outputs["Grid"]
+        return self._build.made("GeometryNodeGetNamedGrid", self._volume, name, False, data_type=kind).outputs["Grid"]
 
     def _at(self, kind: str, grid: Socket, vertex: Value) -> Socket:
         """Return a grid's value at a vertex."""
-        whole = self._build.split(vertex)
+        whole = self._build.separated(vertex)
         return self._build.value("GeometryNodeSampleGridIndex", grid, *whole, data_type=kind)
 
     def _smooth(self, kind: str, grid: Socket, x: Socket) -> Socket:

@@ -14,7 +14,8 @@ import bpy
 from ..core.grid_atlas import LIT, PLANES
 from ..core.look_up_rules import LEAST_SPOKEN
 from .grid_reading import CORNERS, Reading, weights
-from .node_maths import NodeMaths, Number, Socket, Vector
+from .node_formulas import Number, Socket, Vector
+from .shader_maths import ShaderMaths
 
 
 def fill_sides(group: bpy.types.ShaderNodeTree, reading: Reading) -> None:
@@ -24,7 +25,7 @@ def fill_sides(group: bpy.types.ShaderNodeTree, reading: Reading) -> None:
     `Normal` there. It returns whether the vertex `Speaks`, 1 or 0, and the `Wall` V that the place is behind, else the
     last one.
     """
-    maths = NodeMaths(group)
+    maths = ShaderMaths(group)
     into = maths.inputs(dict.fromkeys(("Place", "At", "Normal"), "Vector"))
     first, count = len(PLANES), reading.layout.walls
     offsets = reading.plane(maths, into["Place"], first + count)
@@ -48,7 +49,7 @@ def fill_asked(group: bpy.types.ShaderNodeTree, sides: bpy.types.ShaderNodeTree,
     To the sums so far it adds the weight of a vertex that takes part to `Total`, and to `Spoken` if it speaks for the
     place; keeps the `Most` weight of one that does not, with its `Wall`; and notes whether any is `Divided`.
     """
-    maths = NodeMaths(group)
+    maths = ShaderMaths(group)
     numbers = dict.fromkeys(("Total", "Spoken", "Most", "Divided", "Weight"), "Float")
     into = maths.inputs(numbers | dict.fromkeys(("Wall", "Place", "At", "Normal"), "Vector"))
     place = in_turn(maths, into["Place"], into["Total"])
@@ -70,7 +71,7 @@ def fill_asked(group: bpy.types.ShaderNodeTree, sides: bpy.types.ShaderNodeTree,
     )
 
 
-def in_turn(maths: NodeMaths, place: Socket, after: Socket) -> Socket:
+def in_turn(maths: ShaderMaths, place: Socket, after: Socket) -> Socket:
     """Return `place`, but not before `after`, a number that is not negative, is known.
 
     Without it Cycles 5.0 reads the texels of all vertices first, and runs out of places to keep them.
@@ -96,7 +97,7 @@ class Beside:
 
 
 def step_back(
-    maths: NodeMaths, reading: Reading, asked: bpy.types.ShaderNodeTree, place: Socket, normal: Socket
+    maths: ShaderMaths, reading: Reading, asked: bpy.types.ShaderNodeTree, place: Socket, normal: Socket
 ) -> Beside:
     """Return a place, or one half a voxel away from a wall where hardly a vertex speaks for it (`core/look_up.py`)."""
     voxel = reading.voxel(maths, place)
