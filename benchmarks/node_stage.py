@@ -216,6 +216,13 @@ def _add_camera(scene: bpy.types.Scene, what: Squares) -> None:
 
 
 ENGINES = ("CYCLES", "BLENDER_EEVEE")
+EXACT_FILTERS = {
+    "MESA_EXTENSION_OVERRIDE": "-GL_EXT_texture_filter_anisotropic -GL_ARB_texture_filter_anisotropic",
+}
+"""Environment in which Mesa's software rasteriser interpolates linearly.
+
+Its anisotropic filter, which Blender asks for, is off by up to a fifth of the difference of two texels.
+"""
 _RENDER = """
 import sys
 import bpy
@@ -245,7 +252,7 @@ def render(engine: str, folder: Path) -> Path | None:
     bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True)
     done = subprocess.run(
         [sys.executable, "-c", _RENDER, str(path), engine, str(picture)],
-        env=os.environ | {"BLENDER_USER_RESOURCES": str(folder / "resources")},
+        env=os.environ | EXACT_FILTERS | {"BLENDER_USER_RESOURCES": str(folder / "resources")},
         capture_output=True,
         text=True,
         check=False,

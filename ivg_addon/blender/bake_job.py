@@ -87,11 +87,12 @@ def _bake_steps(
     reading = find_scene(name, identity, "baked")
     exporting = export_render_steps(reading, reading.view_layers[layer], ask, run)
     scene = yield from part(exporting, 0.0, EXPORT_SHARE)
-    edits = staleness.edits(find_scene(name, identity, "baked"))
+    kept_in = find_scene(name, identity, "baked")
+    edits, spatial = staleness.edits(kept_in), Spatial(kept_in.ivg.spatial)
     settings = request.settings_for(scene)
     with _beside(request.output, ".new") as fresh, _beside(request.output, ".new.vdb") as fresh_volume:
         written = fresh, fresh_volume if store else None
-        baking = _bake_and_write(scene, settings, *written)
+        baking = _bake_and_write(scene, settings, spatial, *written)
         result, stored = yield from part(run(baking), EXPORT_SHARE, 1.0)
         kept_in = find_scene(name, identity, "baked")
         volume_file = volume_path(request.output)
@@ -125,9 +126,9 @@ def _load(compiled_code: Path | None) -> Steps[None]:
 
 
 def _bake_and_write(
-    scene: Scene, settings: BakeSettings, path: Path, volume_path: Path | None
+    scene: Scene, settings: BakeSettings, spatial: Spatial, path: Path, volume_path: Path | None
 ) -> Steps[tuple[BakeResult, grid_image.PreparedImage | Notice | None]]:
-    """Bake, write the grid and its volume, prepare its image; touches nothing of Blender, so any thread will do.
+    """Bake, write the grid and its volume, prepare its image for an interpolation; any thread will do.
 
     In place of an image too large for Blender there is a notice that says so; without a volume there is none.
     """
@@ -139,7 +140,7 @@ def _bake_and_write(
     try:
         result.grid.save(path)
         if volume_path is not None:
-            stored = _prepare(result.grid)
+            stored = _prepare(result.grid, spatial)
             vdb_grid.save(result.grid, volume_path, Spatial.TRILINEAR)
         yield Progress("Writing the grid", 1.0)
     except GeneratorExit:
@@ -151,10 +152,10 @@ def _bake_and_write(
     return result, stored
 
 
-def _prepare(grid: IrradianceVectorGrid) -> grid_image.PreparedImage | Notice:
+def _prepare(grid: IrradianceVectorGrid, spatial: Spatial) -> grid_image.PreparedImage | Notice:
     """Return what the image of a grid is made of, or why there can be none."""
     try:
-        return grid_image.prepare(grid)
+        return grid_image.prepare(grid, spatial)
     except SettingsError as error:
         told = f"its grid is in its file, not in the .blend: {error}"
         return Notice("left out", f"scene '{grid.record.scene}'", told)

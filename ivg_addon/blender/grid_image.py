@@ -57,8 +57,13 @@ class PreparedImage:
     properties: dict[str, Any]
 
 
-def prepare(grid: IrradianceVectorGrid) -> PreparedImage:
+def prepare(grid: IrradianceVectorGrid, spatial: Spatial = Spatial.TRILINEAR) -> PreparedImage:
     """Return what the image of a grid is made of; touches nothing of Blender, compiles kernels.
+
+    Parameters
+    ----------
+    spatial
+        How shaders are to interpolate.
 
     Raises
     ------
@@ -72,7 +77,7 @@ def prepare(grid: IrradianceVectorGrid) -> PreparedImage:
     largest = max(array.nbytes for array in arrays(grid).values())
     if largest > _LARGEST_PROPERTY:
         raise SettingsError(f"{human(largest)} of vectors are more than a .blend keeps in one place: bake fewer voxels")
-    pixels = atlas(grid)
+    pixels = atlas(grid, spatial)
     exr = exr_bytes({channel: pixels[..., index] for index, channel in enumerate("RGB")})
     if len(exr) > _LARGEST_PROPERTY:
         raise SettingsError(f"{human(len(exr))} of pixels are more than a .blend keeps in one place: bake fewer voxels")
@@ -89,7 +94,7 @@ def prepare(grid: IrradianceVectorGrid) -> PreparedImage:
             "resolution": told["resolution"],
             "record": json.dumps(told["record"]),
             "grid_digest": digest(grid),
-            "spatial": str(Spatial.TRILINEAR),
+            "spatial": str(spatial),
             "size": where.size,
             "across": where.across,
             "walls": where.walls,
@@ -129,6 +134,11 @@ def is_grid(image: bpy.types.Image) -> bool:
 def box(image: bpy.types.Image) -> Box:
     """Return the box of a stored grid."""
     return Box.between(image[KEY]["bounds_min"], image[KEY]["bounds_max"])
+
+
+def spatial(image: bpy.types.Image) -> Spatial:
+    """Return the interpolation that a stored grid's pixels are for."""
+    return Spatial(image[KEY]["spatial"])
 
 
 def scene_grid(scene: bpy.types.Scene) -> bpy.types.Image:

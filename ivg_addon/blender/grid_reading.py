@@ -48,10 +48,10 @@ class Reading:
         width, height = self.layout.tile
         return width * self.texel[0], height * self.texel[1]
 
-    def plane(self, maths: ShaderMaths, place: Socket, plane: int) -> Socket:
+    def plane(self, maths: ShaderMaths, place: Socket, plane: int, interpolation: str = "Closest") -> Socket:
         """Read a plane where `place` are the texture coordinates in the first; return the colour."""
         at = maths.vector("ADD", place, (plane * self.tile[0], 0.0, 0.0)) if plane else place
-        settings = {"image": self.image, "interpolation": "Closest", "extension": "EXTEND"}
+        settings = {"image": self.image, "interpolation": interpolation, "extension": "EXTEND"}
         return maths.node("ShaderNodeTexImage", {"Vector": at}, **settings).outputs["Color"]
 
     def place(self, maths: ShaderMaths, position: Socket) -> Socket:
@@ -72,14 +72,19 @@ class Reading:
     def corners(self, maths: ShaderMaths, voxel: Socket) -> dict[Corner, Socket]:
         """Return the texture coordinates of a voxel's vertices in the first plane."""
         width, height = self.texel
-        middle = BORDER + 0.5
-        lowest = maths.vector("MULTIPLY_ADD", voxel, (width, height, 0.0), (middle * width, middle * height, 0.0))
         k = maths.separated(voxel)[2]
-        slices = [maths.vector("ADD", lowest, self._slice(maths, one)) for one in (k, maths.math("ADD", k, 1.0))]
+        slices = [self.in_slice(maths, voxel, one) for one in (k, maths.math("ADD", k, 1.0))]
         return {
             (i, j, k): maths.vector("ADD", slices[k], (i * width, j * height, 0.0)) if i or j else slices[k]
             for i, j, k in CORNERS
         }
+
+    def in_slice(self, maths: ShaderMaths, place: Socket, k: Socket) -> Socket:
+        """Return the texture coordinates of a place, whatever its height, in the first plane of a slice."""
+        width, height = self.texel
+        middle = BORDER + 0.5
+        at = maths.vector("MULTIPLY_ADD", place, (width, height, 0.0), (middle * width, middle * height, 0.0))
+        return maths.vector("ADD", at, self._slice(maths, k))
 
     def _slice(self, maths: ShaderMaths, k: Socket) -> Socket:
         """Return how far a slice's first plane is from that of slice 0, in texture coordinates."""

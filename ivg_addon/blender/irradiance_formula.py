@@ -1,132 +1,78 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The look-up of a stored grid, as the nodes of a group: the formulas of `core/look_up.py`, vertex by vertex.
+"""The look-up of a stored grid, as the nodes of a group: the formulas of `core/look_up.py`.
 
-Image Texture nodes read single texels (*Closest*). *Linear* ones could read two neighbours at once, with any weights
-W₀ and W₁, at the share W₁ / (W₀ + W₁) of the way between them; but EEVEE then reads smaller versions of the image
-wherever texture coordinates jump between pixels, as they do from voxel to voxel.
+There are two ways. In the open textures' filters interpolate (open_look_up.py); beside walls, and for EEVEE wherever
+interpolation is trilinear, vertices are read one by one (vertex_look_up.py). Which of them counts is a number, so that
+shaders can be mixed by it: then Cycles computes only the one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import bpy
 
 from ..core.grid import DEFAULT_NORMAL_BIAS
-from ..core.grid_atlas import LIT
-from ..core.look_up_rules import BEHIND, WITHIN
+from ..core.look_up_rules import LEAST_DIVIDED
 from ..core.moments import NAMES
-from .grid_reading import CORNERS, Reading, unlit, weights
-from .node_formulas import Number, Socket, Vector
+from ..core.settings import Spatial
+from .grid_reading import Reading
+from .node_formulas import Number, Socket
+from .open_look_up import fill_slice, irradiance_in_the_open, lit_around
 from .reconstruction_nodes import coefficients
-from .shader_maths import BLACK, ShaderMaths
-from .wall_nodes import Beside, fill_asked, fill_sides, in_turn, step_back
+from .shader_maths import BLACK, Colour, Inputs, ShaderMaths
+from .vertex_look_up import Part, irradiance_by_vertices
 
-Part = Callable[[str], bpy.types.ShaderNodeTree]
-Inputs = dict[int | str, Number | Vector]
-
-_SILENT = 1e-24
-"""What remains of the weight of a vertex that does not speak for a place: it counts where no other does.
-
-Those that speak have at least a few times `WITHIN`³; single precision ends at 10⁻³⁸.
-"""
+IRRADIANCE, OPEN, BESIDE, WALLS = "Irradiance", "In the Open", "Beside Walls", "Walls"
+"""Outputs of the group: E; that of either way, for those who mix shaders; and which of them counts, 0 or 1."""
 
 
-def fill(group: bpy.types.ShaderNodeTree, reading: Reading, part: Part) -> None:
+def fill(group: bpy.types.ShaderNodeTree, reading: Reading, spatial: Spatial, part: Part) -> None:
     """Make a group the look-up.
 
     Parameters
     ----------
+    spatial
+        The interpolation that the image is for.
     part
         Returns a group to be used in it, by a name.
     """
-    walls = reading.layout.walls > 0
-    vertex = part("vertex")
-    if walls:
-        fill_sides(part("sides"), reading)
-        fill_asked(part("asked"), part("sides"), reading)
-        fill_vertex(vertex, reading, part("sides"))
-    else:
-        fill_vertex(vertex, reading, None)
     maths = ShaderMaths(group)
     given = maths.inputs({"Normal": "Vector"})["Normal"]
     geometry = maths.node("ShaderNodeNewGeometry", {})
     surface = geometry.outputs["Normal"]
     absent = maths.math("LESS_THAN", maths.length(given), 1e-6)
     normal = maths.vector("NORMALIZE", maths.vector("ADD", given, maths.scaled(surface, absent)))
+    rows: Inputs = {name: row for name, row in zip(NAMES, coefficients(maths, normal), strict=True)}
     place = reading.place(maths, geometry.outputs["Position"])
+    around = lit_around(maths, reading, spatial, place)
+    unlit = maths.math("MAXIMUM", maths.math("SUBTRACT", 1.0, maths.channel(around, 0)), 0.0)
+    off = maths.scaled(surface, maths.math("MULTIPLY", unlit, DEFAULT_NORMAL_BIAS))
+    moved = reading.within(maths, maths.vector("ADD", place, off))
+    fill_slice(part("slice"), reading, spatial)
+    found = irradiance_in_the_open(maths, reading, spatial, part("slice"), moved, rows)
+
+    walls = reading.layout.walls > 0
+    beside: Colour = BLACK
+    counts: Number = 0.0
     if walls:
-        beside = step_back(maths, reading, part("asked"), place, surface)
+        counts = maths.math("GREATER_THAN", maths.channel(around, 2), LEAST_DIVIDED)
+    if spatial is Spatial.TRILINEAR:
+        counts = maths.math("MAXIMUM", _is_eevee(maths), counts) if walls else _is_eevee(maths)
+    if isinstance(counts, Socket):
+        beside = irradiance_by_vertices(maths, reading, part, place, surface, rows, spatial is not Spatial.TRILINEAR)
+        found_here = maths.chosen(counts, beside, found)
     else:
-        beside = Beside(place, reading.voxel(maths, place), None)
-    share = unlit(maths, reading, beside.place, beside.voxel)
-    off = maths.scaled(surface, maths.math("MULTIPLY", share, DEFAULT_NORMAL_BIAS))
-    voxel, fraction = _moved(maths, reading, beside, off)
-
-    common: Inputs = dict(zip(NAMES, coefficients(maths, normal), strict=True))
-    common["Proximity"] = maths.math("MINIMUM", maths.math("MULTIPLY", share, 2.0), 1.0)
-    if beside.divided is not None:
-        # Of vertices that walls divide, others than those around the place asked for are not asked.
-        common |= {"At": beside.place, "Normal": surface, "Spoken": maths.math("SUBTRACT", 1.0, beside.divided)}
-    lowest = maths.math("MULTIPLY", maths.dot(fraction, surface), -1.0)
-    step = maths.separated(surface)
-    weight = weights(maths, fraction)
-    texels = reading.corners(maths, voxel)
-    sums: Inputs = {"Light": BLACK, "Lit": 0.0}
-    for corner in CORNERS:
-        ahead = lowest
-        for axis in range(3):
-            ahead = maths.math("ADD", ahead, step[axis]) if corner[axis] else ahead
-        inputs = sums | common | {"Place": texels[corner], "Ahead": ahead, "Weight": weight[corner]}
-        found = maths.node("ShaderNodeGroup", inputs, node_tree=vertex).outputs
-        sums = {name: found[name] for name in sums}
-    mean = maths.scaled(found["Light"], maths.math("DIVIDE", 1.0, found["Lit"]))
-    # A reconstruction can undershoot; light cannot.
-    maths.outputs({"Irradiance": ("Color", maths.vector("MAXIMUM", mean, (0.0,) * 3))})
-
-
-def fill_vertex(group: bpy.types.ShaderNodeTree, reading: Reading, sides: bpy.types.ShaderNodeTree | None) -> None:
-    """Make a group the reading of one vertex: it adds its weighted light, and its weight if it takes part.
-
-    Its inputs are the sums so far, `Light` and `Lit`, the texture coordinates `Place` in the first plane, how many
-    voxels `Ahead` of the surface the vertex lies, the interpolation's `Weight`, the exponent `Proximity`, and the
-    coefficients; with `sides` (`fill_sides`) also what these ask for, and 1 as `Spoken` where they are not to be asked.
-    """
-    maths = ShaderMaths(group)
-    kinds = {"Light": "Color", "Place": "Vector"}
-    kinds |= dict.fromkeys(("Lit", "Ahead", "Proximity", "Weight", *NAMES), "Float")
-    if sides is not None:
-        kinds |= {"At": "Vector", "Normal": "Vector", "Spoken": "Float"}
-    into = maths.inputs(kinds)
-    place = in_turn(maths, into["Place"], into["Lit"])
-    ahead = maths.node("ShaderNodeMath", {0: into["Ahead"], 1: 0.5, 2: 0.5}, operation="MULTIPLY_ADD", use_clamp=True)
-    lean = maths.math("POWER", maths.math("ADD", ahead.outputs[0], BEHIND), into["Proximity"])
-    weight = maths.math("MULTIPLY", lean, into["Weight"])
-    if sides is not None:
-        asked = maths.node(
-            "ShaderNodeGroup", {"Place": place, "At": into["At"], "Normal": into["Normal"]}, node_tree=sides
-        )
-        speaks = maths.math("MAXIMUM", maths.math("MAXIMUM", asked.outputs["Speaks"], into["Spoken"]), _SILENT)
-        weight = maths.math("MULTIPLY", weight, speaks)
-    lit = maths.channel(reading.plane(maths, place, LIT), 1)
-    light: Socket | tuple[float, ...] = BLACK
-    for plane, name in enumerate(NAMES):
-        light = maths.added(light, into[name], reading.plane(maths, place, plane))
+        found_here = found
     maths.outputs(
         {
-            "Light": ("Color", maths.added(into["Light"], weight, light)),
-            "Lit": ("Float", maths.math("MULTIPLY_ADD", lit, weight, into["Lit"])),
+            IRRADIANCE: ("Color", found_here),
+            OPEN: ("Color", found),
+            BESIDE: ("Color", beside),
+            WALLS: ("Float", counts),
         }
     )
 
 
-def _moved(maths: ShaderMaths, reading: Reading, beside: Beside, off: Socket) -> tuple[Socket, Socket]:
-    """Return the voxel to which the bias moves a place, and how far above its lower vertex: not out of one at walls."""
-    moved = reading.within(maths, maths.vector("ADD", beside.place, off))
-    voxel = reading.voxel(maths, moved)
-    fraction = maths.vector("SUBTRACT", moved, voxel)
-    if beside.divided is None:
-        return voxel, fraction
-    inside = maths.vector("MAXIMUM", maths.vector("SUBTRACT", moved, beside.voxel), (WITHIN,) * 3)
-    inside = maths.vector("MINIMUM", inside, (1.0 - WITHIN,) * 3)
-    return maths.chosen(beside.divided, beside.voxel, voxel), maths.chosen(beside.divided, inside, fraction)
+def _is_eevee(maths: ShaderMaths) -> Socket:
+    """Return 1 in EEVEE and 0 in Cycles: a texture without an image is black in the one, in the other magenta."""
+    missing = maths.node("ShaderNodeTexImage", {}).outputs["Color"]
+    return maths.math("SUBTRACT", 1.0, maths.channel(missing, 0))

@@ -19,16 +19,14 @@ import bpy
 from ..core.dual_cells import Lattice
 from ..core.errors import GridFileError
 from ..core.grid_atlas import AtlasLayout
-from ..core.settings import Spatial
 from . import grid_image
-from .grid_image import named
 from .grid_reading import Reading
 from .irradiance_formula import fill
 from .marks import KEY, bears
 
 NAME = "IVG Irradiance"
 FORMAT = "irradiance-vector-grid-nodes"
-VERSION = 1
+VERSION = 2
 """Of the nodes; those of an older version are made anew."""
 _PART = "part"
 """Under `KEY`, of the groups within: what they are for."""
@@ -77,11 +75,6 @@ def _problem(image: bpy.types.Image, group: bpy.types.ShaderNodeTree | None) -> 
     wrong = grid_image.problem(image)
     if wrong:
         return wrong
-    if image[KEY]["spatial"] != Spatial.TRILINEAR:
-        return (
-            f"{named(image)} is for {image[KEY]['spatial'].lower()} look-ups, which are too slow as nodes: "
-            f"{grid_image.RESTORE}"
-        )
     version = group[KEY]["version"] if group is not None else VERSION
     if group is not None and version > VERSION:
         return (
@@ -128,7 +121,7 @@ def _fill(group: bpy.types.ShaderNodeTree, image: bpy.types.Image) -> None:
             parts[name][KEY] = {_PART: name}
         return parts[name]
 
-    fill(group, Reading(image, lattice, where), part)
+    fill(group, Reading(image, lattice, where), grid_image.spatial(image), part)
 
 
 def _used(group: bpy.types.ShaderNodeTree) -> set[bpy.types.ShaderNodeTree]:

@@ -26,12 +26,15 @@ from collections.abc import Callable
 
 import bpy
 
+from .irradiance_formula import BESIDE, OPEN, WALLS
 from .node_formulas import Number, Socket
 from .shader_maths import ShaderMaths
 
 KEY = "ivg_light_group"
-VERSION = 1
-"""Of the nodes; groups of another version are made anew."""
+VERSION = 2
+"""Of the nodes; those of another version stay with the materials that have them, until light is added again."""
+_LOOK_UP = {OPEN: "Color", BESIDE: "Color", WALLS: "Float"}
+"""What groups are told of irradiance: outputs of the look-up (irradiance_formula.py)."""
 
 _MIRROR = {"a": (-0.1061, 0.5244, -1.1527), "b": (0.9750, -2.1528, 1.2629), "c": (6.2497, -9.1755, 6.3078, -0.8075)}
 _SPREAD = (-0.3151, 6.8161)
@@ -46,17 +49,14 @@ _COLOURS = ("Base Color", "Specular Tint", "Coat Tint", "Sheen Tint")
 
 def light_group(kind: str) -> bpy.types.ShaderNodeTree:
     """Return the group for a kind of BSDF, a key of `INPUTS`: the one that the file has, or a new one."""
-    group = next((group for group in bpy.data.node_groups if _is(group, kind)), None)
-    if group is None:
-        group = bpy.data.node_groups.new(f"IVG {kind.title()} Light", "ShaderNodeTree")
-    if group.get(KEY) is None or group[KEY]["version"] != VERSION:
-        _FILLERS[kind](ShaderMaths(group))
-        group[KEY] = {"kind": kind, "version": VERSION}
-    return group
-
-
-def _is(group: bpy.types.NodeTree, kind: str) -> bool:
-    return not group.library and KEY in group and group[KEY]["kind"] == kind
+    about = {"kind": kind, "version": VERSION}
+    groups = (group for group in bpy.data.node_groups if not group.library and KEY in group)
+    found = next((group for group in groups if group[KEY].to_dict() == about), None)
+    if found is None:
+        found = bpy.data.node_groups.new(f"IVG {kind.title()} Light", "ShaderNodeTree")
+        _FILLERS[kind](ShaderMaths(found))
+        found[KEY] = about
+    return found
 
 
 def is_light_group(group: bpy.types.NodeTree) -> bool:
@@ -73,19 +73,18 @@ INPUTS: dict[str, tuple[str, ...]] = {
 
 
 def _fill_diffuse(maths: ShaderMaths) -> None:
-    into = maths.inputs({"BSDF": "Shader", "Irradiance": "Color", "Color": "Color", "Roughness": "Float"})
+    into = maths.inputs({"BSDF": "Shader"} | _LOOK_UP | {"Color": "Color", "Roughness": "Float"})
     _shine(maths, into, _rough(maths, into["Color"], into["Roughness"]))
 
 
 def _fill_sheen(maths: ShaderMaths) -> None:
-    kinds = {"BSDF": "Shader", "Irradiance": "Color", "Color": "Color", "Roughness": "Float", "Normal": "Vector"}
-    into = maths.inputs(kinds)
+    into = maths.inputs({"BSDF": "Shader"} | _LOOK_UP | {"Color": "Color", "Roughness": "Float", "Normal": "Vector"})
     reflected = _sheen(maths, _cosine(maths, into["Normal"]), into["Roughness"])
     _shine(maths, into, maths.scaled(into["Color"], reflected))
 
 
 def _fill_principled(maths: ShaderMaths) -> None:
-    kinds = {"BSDF": "Shader", "Irradiance": "Color", "Normal": "Vector"}
+    kinds = {"BSDF": "Shader"} | _LOOK_UP | {"Normal": "Vector"}
     into = maths.inputs(kinds | dict.fromkeys(_COLOURS, "Color") | dict.fromkeys(_FLOATS, "Float"))
     cosine = _cosine(maths, into["Normal"])
     normal_reflectance, index = _facets(maths, into["IOR"], into["Specular IOR Level"])
@@ -112,16 +111,24 @@ _FILLERS: dict[str, Callable[[ShaderMaths], None]] = {
 
 
 def _shine(maths: ShaderMaths, into: dict[str, Socket], reflectance: Socket) -> None:
-    """Put out the BSDF and the light, which is mixed with nothing where it is not seen: then it is not computed."""
+    """Put out the BSDF and the light.
+
+    Where it is not seen it is mixed with nothing; the two ways to look it up are mixed as shaders. Cycles computes no
+    shader that is mixed in with a weight of 0.
+    """
     path = maths.node("ShaderNodeLightPath", {})
     seen: Number = 0.0
     for name in _SEEN_BY:
         seen = maths.math("MAXIMUM", seen, path.outputs[name])
     seen = maths.math("MULTIPLY", seen, maths.math("LESS_THAN", path.outputs["Diffuse Depth"], 0.5))
     positive = maths.vector("MAXIMUM", reflectance, (0.0, 0.0, 0.0))
-    light = maths.vector("MULTIPLY", positive, into["Irradiance"])
-    emission = maths.node("ShaderNodeEmission", {"Color": light, "Strength": 1.0 / math.pi})
-    shown = maths.node("ShaderNodeMixShader", {0: seen, 2: emission.outputs[0]})
+
+    def light(irradiance: Socket) -> Socket:
+        colour = maths.vector("MULTIPLY", positive, irradiance)
+        return maths.value("ShaderNodeEmission", colour, 1.0 / math.pi)
+
+    lit = maths.value("ShaderNodeMixShader", into[WALLS], light(into[OPEN]), light(into[BESIDE]))
+    shown = maths.node("ShaderNodeMixShader", {0: seen, 2: lit})
     both = maths.node("ShaderNodeAddShader", {0: into["BSDF"], 1: shown.outputs[0]})
     maths.outputs({"BSDF": ("Shader", both.outputs[0])})
 

@@ -15,6 +15,7 @@ import bpy
 
 from ..core.report import Notice, merge
 from .export_nodes import ADDED, Input, Output, follow
+from .irradiance_formula import BESIDE, OPEN, WALLS
 from .light_groups import INPUTS, is_light_group, light_group
 from .marks import bears
 
@@ -193,7 +194,8 @@ class _Insertion:
             self._look_ups[normal] = self._new(self._look_up, bsdf, -200.0)
             if normal is not None:
                 self._tree.links.new(normal, self._look_ups[normal].inputs["Normal"])
-        self._tree.links.new(self._look_ups[normal].outputs["Irradiance"], light.inputs["Irradiance"])
+        for name in (OPEN, BESIDE, WALLS):
+            self._tree.links.new(self._look_ups[normal].outputs[name], light.inputs[name])
         for socket, muted in after:
             self._tree.links.new(light.outputs["BSDF"], socket).is_muted = muted
         self._tree.links.new(output.socket, light.inputs["BSDF"])

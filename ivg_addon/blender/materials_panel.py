@@ -33,6 +33,9 @@ class IVG_PT_materials(RenderPanel, bpy.types.Panel):
             draw_wrapped(layout, context, told, icon="ERROR")
         if scene.ivg.grid is not None and is_grid(scene.ivg.grid):
             draw_wrapped(layout, context, scene_light.summary(scene.ivg.grid), icon="INFO")
+            told = scene_light.interpolation_message(scene)
+            if lit and told:
+                draw_wrapped(layout, context, told, icon="INFO")
             told = _outside_message(scene)
             if lit and told:
                 draw_wrapped(layout, context, told, icon="INFO")

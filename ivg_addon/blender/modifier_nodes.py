@@ -20,7 +20,7 @@ from .volume_nodes import fill_look_up
 NAME = "IVG Light"
 LOOK_UP_NAME = "IVG Light Look-Up"
 FORMAT = "irradiance-vector-grid-modifier"
-VERSION = 1
+VERSION = 2
 ATTRIBUTE = "ivg_irradiance"
 GRID, BIAS, STORED = "Grid", "Normal Bias", "Attribute"
 """Inputs of the modifier."""

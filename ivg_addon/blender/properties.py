@@ -203,12 +203,12 @@ def look_up_properties(options: Iterable[str] = ()) -> dict[str, Any]:
         "normal_bias": FloatProperty(
             name="Normal Bias",
             description="Look up this many voxels above the surface, along its normal: less light leaks through walls",
-            default=0.25,
+            default=0.375,
             min=0.0,
             soft_max=1.0,
             max=4.0,
             step=5,
-            precision=2,
+            precision=3,
             options=flags,
         ),
     }

@@ -17,7 +17,8 @@ from ..core.report import Notice
 from . import material_light, staleness
 from .bounds import reaches_out
 from .export_nodes import STAND_IN
-from .grid_image import box, scene_grid
+from .grid_image import box, scene_grid, spatial
+from .grid_pixels import interpolate
 from .inspection_mark import is_inspection
 
 _NAME = "IVG Stand-In"
@@ -49,12 +50,15 @@ class Lit:
 def add(context: bpy.types.Context, selected: bool = False) -> Lit:
     """Add the light of the scene's grid to the materials of all objects, or of the selected ones.
 
+    It is interpolated as the scene's look-ups are, by all who have it.
+
     Raises
     ------
     GridFileError
         There is no grid, or nodes cannot read it.
     """
     image = scene_grid(context.scene)
+    interpolate(image, context.scene)
     with staleness.no_change_of_light(context.scene):
         objects = _objects(context, selected)
         bare = _bare(objects)
@@ -190,6 +194,15 @@ def outside_message(names: list[str]) -> str:
         return ""
     listed = ", ".join(f"'{name}'" for name in names[:_NAMED]) + (", …" if len(names) > _NAMED else "")
     return f"{listed}: out of the grid's box there is the light of its border; bake with larger bounds"
+
+
+def interpolation_message(scene: bpy.types.Scene) -> str:
+    """Return what is said where materials interpolate otherwise than the scene's look-ups; empty if they do not."""
+    theirs = spatial(scene.ivg.grid)
+    if theirs == scene.ivg.spatial:
+        return ""
+    cure = "open its file to change that" if scene.ivg.grid.library else "press Add Light to change that"
+    return f"Materials' look-ups are {theirs.lower()}, not {scene.ivg.spatial.lower()}: {cure}"
 
 
 def summary(image: bpy.types.Image) -> str:

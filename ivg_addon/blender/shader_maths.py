@@ -10,6 +10,8 @@ import bpy
 from .node_formulas import NodeFormulas, Number, Socket, Vector
 
 Colour = Socket | Sequence[float]
+Inputs = dict[int | str, Number | Vector]
+"""What goes into a node, by the numbers or names of its sockets."""
 BLACK = (0.0, 0.0, 0.0, 1.0)
 
 
@@ -75,7 +77,7 @@ class ShaderMaths(NodeFormulas):
 
     def chosen(self, factor: Socket, a: Vector, b: Vector) -> Socket:
         """Return the vector a where factor is 1, and b where it is 0."""
-        inputs: dict[int | str, Number | Vector] = {"Factor_Float": factor, "A_Vector": b, "B_Vector": a}
+        inputs: Inputs = {"Factor_Float": factor, "A_Vector": b, "B_Vector": a}
         node = self.node("ShaderNodeMix", inputs, data_type="VECTOR", factor_mode="UNIFORM")
         return next(socket for socket in node.outputs if socket.identifier == "Result_Vector")
 

@@ -14,8 +14,9 @@ import bpy
 from ..core import vdb_grid
 from ..core.errors import GridFileError
 from ..core.settings import Spatial
-from . import grid_image, grid_volume, irradiance_nodes, staleness
+from . import grid_image, grid_volume, irradiance_nodes
 from .grid_image import PreparedImage, is_grid, scene_grid
+from .grid_pixels import put_pixels
 from .grid_store import SUFFIX, absolute, default_grid_path
 from .material_light import grid_of, lit_materials
 from .outcome import grid_file
@@ -101,10 +102,7 @@ def restore(image: bpy.types.Image, scene: bpy.types.Scene) -> bpy.types.Volume:
     """Make pixels, volume and its file anew from the stored grid; raises `GridFileError` if they cannot be."""
     if image.library:
         raise GridFileError(f"{grid_image.named(image)} is linked: restore it in that file")
-    grid = grid_image.read(image)
-    with staleness.no_change_of_light(scene):
-        grid_image.put(grid_image.prepare(grid), image.name, image)
-        irradiance_nodes.follow(image)
+    grid = put_pixels(image, scene)
     volume = grid_volume.volume_of(image)
     if volume is not None and not grid_volume.problem(image):
         return volume

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import bpy
 
-from ..core.look_up_rules import BEHIND, LEAST_SPOKEN, WITHIN
+from ..core.look_up_rules import LEAST_DIVIDED, LEAST_SPOKEN, WITHIN
 from ..core.vdb_grid import CHANNELS, DIVIDED, PLANE_NORMALS, PLANE_OFFSETS, PLANE_SLACKS, RESOLUTION
 from .geometry_maths import GeometryMaths
 from .node_formulas import Socket, Value
@@ -83,11 +83,10 @@ class _LookUp:
             base=build.choose("VECTOR", beside_wall, voxel, self._base(x)),
             least=build.choose("FLOAT", beside_wall, WITHIN, 0.0),
         )
-        proximity = build.math("MINIMUM", build.math("MULTIPLY", unlit, 2.0), 1.0)
-        return self._blend(here, place, proximity)
+        return self._blend(here, place, beside_wall)
 
-    def _blend(self, here: Socket, place: _Place, proximity: Socket) -> Socket:
-        """Return E of the vertices around a place, weighted as `look_up.lean` and `leave_to_speakers` do."""
+    def _blend(self, here: Socket, place: _Place, beside_wall: Socket) -> Socket:
+        """Return E of the lit vertices around a place, weighted as `look_up.leave_to_speakers` does."""
         build = self._build
         numbers = coefficients(build, self._n)
         rows = [build.combined(*numbers[row : row + 3]) for row in range(0, len(numbers), 3)]
@@ -101,10 +100,7 @@ class _LookUp:
             spoken=("FLOAT", 0.0),
         )
         vertex, share = self._corner(number, place)
-        ahead = build.vector("DOT_PRODUCT", build.vector("SUBTRACT", vertex, place.x), self._n)
-        ahead = build.math("MINIMUM", build.math("MAXIMUM", ahead, -1.0), 1.0)
-        lean = build.math("POWER", build.math("MULTIPLY_ADD", ahead, 0.5, 0.5 + BEHIND), proximity)
-        weight = build.math("MULTIPLY", build.math("MULTIPLY", share, self._lit(vertex)), lean)
+        weight = build.math("MULTIPLY", share, self._lit(vertex))
         channels = []
         for letter in CHANNELS:
             parts = [
@@ -115,7 +111,7 @@ class _LookUp:
                 build.math("ADD", build.math("ADD", parts[0], parts[1]), build.math("ADD", parts[2], parts[3]))
             )
         light = build.scaled(build.combined(*channels), weight)
-        speaks = build.choose("FLOAT", self._divided, self._speaks(vertex, here)[0], 1.0)
+        speaks = build.choose("FLOAT", beside_wall, self._speaks(vertex, here)[0], 1.0)
         light, weight, heard, spoken = zone.close(
             light=build.vector("ADD", zone["light"], light),
             weight=build.math("ADD", zone["weight"], weight),
@@ -128,7 +124,7 @@ class _LookUp:
         return build.vector("MAXIMUM", e, (0.0, 0.0, 0.0))
 
     def _step_back(self) -> tuple[Socket, Socket]:
-        """Return where `look_up.step_back` goes, and whether a vertex around the position is divided."""
+        """Return where `look_up.step_back` goes, and whether walls divide vertices around the position."""
         build, here = self._build, self._here
         place = _Place(here, self._base(here), 0.0)
         number, zone = build.repeat(
@@ -149,11 +145,11 @@ class _LookUp:
             total=build.math("ADD", zone["total"], weight),
             most=build.math("MAXIMUM", silent, zone["most"]),
             wall=build.choose("VECTOR", more, wall, zone["wall"]),
-            divided=build.math("MAXIMUM", divided, zone["divided"]),
+            divided=build.math("MULTIPLY_ADD", divided, weight, zone["divided"]),
         )
         lonely = build.math("LESS_THAN", spoken, build.math("MULTIPLY", total, LEAST_SPOKEN))
         away = build.vector("SUBTRACT", here, build.scaled(wall, build.math("MULTIPLY", lonely, 0.5)))
-        return self._clamped(away), build.math("GREATER_THAN", divided, 0.5)
+        return self._clamped(away), build.math("GREATER_THAN", divided, LEAST_DIVIDED)
 
     def _speaks(self, vertex: Socket, x: Socket) -> tuple[Socket, Socket, Socket]:
         """Return, of a vertex, 1 if it speaks for x, the normal of a plane that denies it, and 1 if it has planes."""

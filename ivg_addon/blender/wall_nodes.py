@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import bpy
 
 from ..core.grid_atlas import LIT, PLANES
-from ..core.look_up_rules import LEAST_SPOKEN
+from ..core.look_up_rules import LEAST_DIVIDED, LEAST_SPOKEN
 from .grid_reading import CORNERS, Reading, weights
-from .node_formulas import Number, Socket, Vector
-from .shader_maths import ShaderMaths
+from .node_formulas import Socket
+from .shader_maths import Inputs, ShaderMaths
 
 
 def fill_sides(group: bpy.types.ShaderNodeTree, reading: Reading) -> None:
@@ -47,7 +47,7 @@ def fill_asked(group: bpy.types.ShaderNodeTree, sides: bpy.types.ShaderNodeTree,
     """Make a group the asking of one vertex after the other whether it speaks for a place.
 
     To the sums so far it adds the weight of a vertex that takes part to `Total`, and to `Spoken` if it speaks for the
-    place; keeps the `Most` weight of one that does not, with its `Wall`; and notes whether any is `Divided`.
+    place; to `Divided` if walls divide it; and keeps the `Most` weight of one that is silent, with its `Wall`.
     """
     maths = ShaderMaths(group)
     numbers = dict.fromkeys(("Total", "Spoken", "Most", "Divided", "Weight"), "Float")
@@ -65,7 +65,7 @@ def fill_asked(group: bpy.types.ShaderNodeTree, sides: bpy.types.ShaderNodeTree,
             "Total": ("Float", maths.math("ADD", into["Total"], weight)),
             "Spoken": ("Float", maths.math("MULTIPLY_ADD", weight, asked["Speaks"], into["Spoken"])),
             "Most": ("Float", maths.math("MAXIMUM", into["Most"], silent)),
-            "Divided": ("Float", maths.math("MAXIMUM", into["Divided"], maths.channel(lit, 2))),
+            "Divided": ("Float", maths.math("MULTIPLY_ADD", into["Weight"], maths.channel(lit, 2), into["Divided"])),
             "Wall": ("Vector", maths.chosen(more, asked["Wall"], into["Wall"])),
         }
     )
@@ -97,13 +97,24 @@ class Beside:
 
 
 def step_back(
-    maths: ShaderMaths, reading: Reading, asked: bpy.types.ShaderNodeTree, place: Socket, normal: Socket
+    maths: ShaderMaths,
+    reading: Reading,
+    asked: bpy.types.ShaderNodeTree,
+    place: Socket,
+    normal: Socket,
+    divided: bool,
 ) -> Beside:
-    """Return a place, or one half a voxel away from a wall where hardly a vertex speaks for it (`core/look_up.py`)."""
+    """Return a place, or one half a voxel away from a wall where hardly a vertex speaks for it (`core/look_up.py`).
+
+    Parameters
+    ----------
+    divided
+        Vertices around are divided anyway; else it is found out.
+    """
     voxel = reading.voxel(maths, place)
     texels = reading.corners(maths, voxel)
     weight = weights(maths, maths.vector("SUBTRACT", place, voxel))
-    sums: dict[int | str, Number | Vector] = dict.fromkeys(("Total", "Spoken", "Most", "Divided"), 0.0)
+    sums: Inputs = dict.fromkeys(("Total", "Spoken", "Most", "Divided"), 0.0)
     sums["Wall"] = (0.0, 0.0, 0.0)
     for corner in CORNERS:
         inputs = sums | {"Weight": weight[corner], "Place": texels[corner], "At": place, "Normal": normal}
@@ -117,4 +128,5 @@ def step_back(
     )
     away = maths.scaled(maths.vector("NORMALIZE", sums["Wall"]), maths.math("MULTIPLY", moves, -0.5))
     here = reading.within(maths, maths.vector("ADD", place, away))
-    return Beside(here, reading.voxel(maths, here), sums["Divided"])
+    share = 1.0 if divided else sums["Divided"]
+    return Beside(here, reading.voxel(maths, here), maths.math("GREATER_THAN", share, LEAST_DIVIDED))

@@ -16,7 +16,7 @@ from .errors import SettingsError
 from .partitions import Partitions
 from .settings import BakeSettings, Directional, Spatial, Vec3
 
-DEFAULT_NORMAL_BIAS = 0.25
+DEFAULT_NORMAL_BIAS = 0.375
 """In voxels; measured in docs/method.md, "Cells cut by geometry"."""
 
 

@@ -35,8 +35,8 @@ Float32 = NDArray[np.float32]
 PLANES = (*NAMES, "lit")
 """In the order of the image; red, green and blue of the first twelve are the three channels.
 
-Of ``lit``, red is the validity, green 1 where a vertex takes part in look-ups and 0 where not, blue 1 where walls
-divide it and 0 where not.
+Of ``lit``, red is the validity, green 1 where a vertex takes part in look-ups and 0 where not, blue 1 where it does
+and walls divide it, 0 where not.
 """
 LIT = PLANES.index("lit")
 BORDER = 1
@@ -124,8 +124,13 @@ def image_bytes(resolution: tuple[int, int, int]) -> int:
     return math.prod(layout(resolution).size) * 16
 
 
-def atlas(grid: IrradianceVectorGrid) -> Float32:
-    """Return the image (height, width, 3) of what trilinear look-ups interpolate, first row at the bottom.
+def atlas(grid: IrradianceVectorGrid, spatial: Spatial = Spatial.TRILINEAR) -> Float32:
+    """Return the image (height, width, 3) of what look-ups interpolate, first row at the bottom.
+
+    Parameters
+    ----------
+    spatial
+        How they do.
 
     Raises
     ------
@@ -133,7 +138,7 @@ def atlas(grid: IrradianceVectorGrid) -> Float32:
         The grid is too large for an image.
     """
     where = layout(grid.resolution, most_walls(grid))
-    planes = _planes(grid.interpolated(Spatial.TRILINEAR), grid, where)
+    planes = _planes(grid.interpolated(spatial), grid, where)
     width, height = where.size
     pixels = np.zeros((height, width, 3), dtype=np.float32)
     across, up = where.tile
@@ -164,7 +169,7 @@ def _planes(values: Float32, grid: IrradianceVectorGrid, where: AtlasLayout) -> 
         texels[k, :LIT] = (moments(values[:, :, k]) * lit[..., None, None]).transpose(2, 1, 0, 3)
         texels[k, LIT, ..., 0] = validity[:, :, k].T
         texels[k, LIT, ..., 1] = lit.T
-        texels[k, LIT, ..., 2] = divided[:, :, k].T
+        texels[k, LIT, ..., 2] = (divided[:, :, k] & lit).T
     if where.walls:
         walls = _walls(grid.partitions, where.walls).reshape(*validity.shape, where.walls + 1, 3)
         texels[:, len(PLANES) :] = walls.transpose(2, 3, 1, 0, 4)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from .compiled import inlined, kernel, merged
 from .dual_cells import Lattice
-from .look_up_rules import BEHIND, LEAST_SPOKEN, WITHIN
+from .look_up_rules import LEAST_DIVIDED, LEAST_SPOKEN, WITHIN
 from .partitions import Partitions
 from .reconstruction import DIRECTIONAL_CODES, directional_coefficients
 from .settings import Directional, Spatial
@@ -69,6 +69,8 @@ def stencil(g, counts, support, base, w):
 def weigh(validity, counts, support, base, w, vertices, weights):
     """Fill vertices and weights, (support³,) each, of a stencil; beyond the grid the edge repeats.
 
+    Vertices without lit volume get no weight.
+
     Returns
     -------
     float
@@ -87,43 +89,23 @@ def weigh(validity, counts, support, base, w, vertices, weights):
                 weight = wab * w[2, c]
                 unlit += weight * (1.0 - validity[vertex])
                 vertices[entry] = vertex
-                weights[entry] = weight
+                weights[entry] = weight if validity[vertex] > 0.0 else 0.0
                 entry += 1
     return unlit
 
 
 @merged
-def lean(validity, g, n, support, base, proximity, vertices, weights):
-    """Change a stencil's weights (support³,) for a surface at g with normal n.
-
-    Vertices without lit volume get none; the others ((1 + a)/2 + ε)^proximity of theirs, a how many voxels they lie
-    ahead of the surface, within ±1: what lies behind it is rarely seen from it. (Majercik et al., "Dynamic Diffuse
-    Global Illumination with Ray-Traced Irradiance Fields", JCGT 2019, weigh probes by the cosine to them, which is
-    singular where the point meets a vertex.)
-    """
-    entry = 0
-    for a in range(support):
-        for b in range(support):
-            for c in range(support):
-                ahead = (base[0] + a - g[0]) * n[0] + (base[1] + b - g[1]) * n[1] + (base[2] + c - g[2]) * n[2]
-                if validity[vertices[entry]] > 0.0:
-                    weights[entry] *= ((1.0 + min(max(ahead, -1.0), 1.0)) / 2.0 + BEHIND) ** proximity
-                else:
-                    weights[entry] = 0.0
-                entry += 1
-
-
-@merged
-def any_divided(start, vertices, size):
-    """Tell whether any of `size` vertices has planes."""
-    divided = False
+def is_divided(start, vertices, weights, size):
+    """Tell whether vertices with planes have a share in `size` vertices."""
+    share = 0.0
     for entry in range(size):
-        divided |= start[vertices[entry] + 1] > start[vertices[entry]]
-    return divided
+        if start[vertices[entry] + 1] > start[vertices[entry]]:
+            share += weights[entry]
+    return share > LEAST_DIVIDED
 
 
 @merged
-def step_back(validity, start, planes, g, n, counts, vertices, weights, size):
+def step_back(start, planes, g, n, counts, vertices, weights, size):
     """Move g half a voxel away from the wall beside it where hardly a vertex speaks for it; tell whether.
 
     In the corner of a voxel that a wall cuts off, the only vertex may speak for the wall's other side.
@@ -132,8 +114,6 @@ def step_back(validity, start, planes, g, n, counts, vertices, weights, size):
     most = 0.0
     wall = -1
     for entry in range(size):
-        if validity[vertices[entry]] == 0.0:
-            continue
         total += weights[entry]
         if speaks_for(start, planes, vertices[entry], g, n):
             spoken += weights[entry]
@@ -164,18 +144,19 @@ def leave_to_speakers(start, planes, g, n, vertices, weights, size):
 
 @merged
 def blend(vectors, vertices, weights, size, blended):
-    """Fill blended (54,) with the weighted vectors of `size` vertices; return the sum of the weights."""
-    for m in range(54):
-        blended[m] = 0.0
+    """Fill blended (54,) with the weighted mean vectors of `size` vertices; return whether any has a weight."""
     total = 0.0
     for entry in range(size):
+        total += weights[entry]
+    for m in range(54):
+        blended[m] = 0.0
+    for entry in range(size):
         if weights[entry] > 0.0:
-            total += weights[entry]
-            share = np.float32(weights[entry])
+            share = np.float32(weights[entry] / total)
             vertex = np.uint64(vertices[entry])
             for m in range(54):
                 blended[m] += share * vectors[vertex, m]
-    return total
+    return total > 0.0
 
 
 @inlined
@@ -233,31 +214,28 @@ def look_up(
         support = spatial_support
         stencil(g, counts, support, base, w)
         unlit = weigh(validity, counts, support, base, w, vertices, weights)
-        divided = some_divided and any_divided(start, vertices, support * support * support)
+        divided = some_divided and is_divided(start, vertices, weights, support * support * support)
         if divided and support > 2:
             support = 2
             stencil(g, counts, support, base, w)
             unlit = weigh(validity, counts, support, base, w, vertices, weights)
-        if divided and step_back(validity, start, planes, g, n, counts, vertices, weights, support * support * support):
+        if divided and step_back(start, planes, g, n, counts, vertices, weights, support * support * support):
             here[:] = g
             stencil(g, counts, support, base, w)
             unlit = weigh(validity, counts, support, base, w, vertices, weights)
-        if unlit > 0.0:
-            if bias != 0.0:
-                for axis in range(3):
-                    position = here[axis] + bias * unlit * n[axis]
-                    # Beside a wall not into the next voxel: whose vertices know which side they are on is not known.
-                    low_end, high_end = 0.0, counts[axis] - 1.0
-                    if divided:
-                        low_end, high_end = base[axis] + WITHIN, base[axis] + 1.0 - WITHIN
-                    g[axis] = min(max(position, low_end), high_end)
-                stencil(g, counts, support, base, w)
-                weigh(validity, counts, support, base, w, vertices, weights)
-            # A plane that halves every cell around the point is as near as a surface comes.
-            lean(validity, g, n, support, base, min(1.0, 2.0 * unlit), vertices, weights)
+        if unlit > 0.0 and bias != 0.0:
+            for axis in range(3):
+                position = here[axis] + bias * unlit * n[axis]
+                # Beside a wall not into the next voxel: whose vertices know which side they are on is not known.
+                low_end, high_end = 0.0, counts[axis] - 1.0
+                if divided:
+                    low_end, high_end = base[axis] + WITHIN, base[axis] + 1.0 - WITHIN
+                g[axis] = min(max(position, low_end), high_end)
+            stencil(g, counts, support, base, w)
+            weigh(validity, counts, support, base, w, vertices, weights)
         if divided:
             leave_to_speakers(start, planes, here, n, vertices, weights, support * support * support)
-        total = blend(vectors, vertices, weights, support * support * support, blended)
+        some = blend(vectors, vertices, weights, support * support * support, blended)
         if bumps:
             n = unit(normals[q, 0], normals[q, 1], normals[q, 2])
         directional_coefficients(directional, n, c)
@@ -268,7 +246,7 @@ def look_up(
                 for component in range(3):
                     e += c[hemisphere, component] * blended[m + component]
             # A reconstruction can undershoot; light cannot.
-            out[q, channel] = max(0.0, e / total) if total > 0.0 else 0.0
+            out[q, channel] = max(0.0, e) if some else 0.0
 
 
 def irradiance(

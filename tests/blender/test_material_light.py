@@ -85,6 +85,43 @@ def test_what_was_edited_meanwhile_stays(scene: bpy.types.Scene) -> None:
     assert material.cycles.emission_sampling == "BACK"
 
 
+def test_light_of_an_older_version_stays_until_it_is_added_again(scene: bpy.types.Scene) -> None:
+    first, second = trees.diffuse(), trees.mixed()
+    give(first, second)
+    bpy.ops.ivg.materials_add()
+    old = bpy.data.node_groups["IVG Diffuse Light"]
+    old["ivg_light_group"]["version"] -= 1
+    nodes, users = [node.name for node in old.nodes], old.users
+    second.use_fake_user = True
+    bpy.context.object.data.materials.pop(index=1)
+    bpy.ops.ivg.materials_add()
+    assert ([node.name for node in old.nodes], old.users) == (nodes, users - 1)
+    bpy.context.object.data.materials.append(second)
+    bpy.ops.ivg.materials_add()
+    (left,) = (group for group in bpy.data.node_groups if group.name.startswith("IVG Diffuse Light"))
+    assert left.users == users
+
+
+def test_materials_interpolate_as_the_scene_does(extension: str, scene: bpy.types.Scene) -> None:
+    """The image's pixels are made anew where they are for another interpolation; the panel says so before."""
+    scene_light = module(extension, "scene_light")
+    give(trees.diffuse())
+    bpy.ops.ivg.materials_add()
+    image = scene.ivg.grid
+    before = np.array(image.pixels[:])
+    assert (image["ivg"]["spatial"], scene_light.interpolation_message(scene)) == ("TRILINEAR", "")
+    scene.ivg.spatial = "TRICUBIC"
+    assert scene_light.interpolation_message(scene).endswith("trilinear, not tricubic: press Add Light to change that")
+    bpy.ops.ivg.materials_add()
+    assert (image["ivg"]["spatial"], scene_light.interpolation_message(scene)) == ("TRICUBIC", "")
+    assert not np.array_equal(image.pixels[:], before)
+    bpy.ops.ivg.restore()
+    assert image["ivg"]["spatial"] == "TRICUBIC"
+    scene.ivg.spatial = "TRILINEAR"
+    bpy.ops.ivg.restore()
+    assert np.array_equal(image.pixels[:], before)
+
+
 def test_another_grid_takes_the_place_of_the_first(extension: str, scene: bpy.types.Scene, tmp_path: Path) -> None:
     give(trees.diffuse())
     bpy.ops.ivg.materials_add()
