@@ -9,7 +9,7 @@ from bpy.props import EnumProperty
 from ..ivg_addon.blender.inspection_mesh import KINDS, make_inspection_mesh
 from ..ivg_addon.blender.inspection_properties import LOOK_OF_KIND, look_properties
 from ..ivg_addon.core.errors import IvgError
-from .needs_grid import poll_grid
+from .needs import poll_grid
 
 
 class IVG_OT_inspection_mesh(bpy.types.Operator):
