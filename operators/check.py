@@ -9,7 +9,7 @@ from ..ivg_addon.blender import jobs
 from ..ivg_addon.blender.asking import Asker
 from ..ivg_addon.blender.check_job import check_job
 from .job_operator import JobOperator
-from .needs_grid import poll_grid
+from .needs import poll_grid
 
 
 class IVG_OT_check(JobOperator):

@@ -6,6 +6,7 @@ from __future__ import annotations
 import bpy
 
 from ..ivg_addon.blender import outcome
+from .needs import poll_bake
 
 
 class IVG_OT_copy_summary(bpy.types.Operator):
@@ -19,10 +20,7 @@ class IVG_OT_copy_summary(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Only after a bake."""
-        if not context.scene.ivg.last_bake.filepath:
-            cls.poll_message_set("Nothing has been baked in this scene")
-            return False
-        return True
+        return poll_bake(cls, context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Copy it."""

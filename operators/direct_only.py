@@ -6,6 +6,7 @@ from __future__ import annotations
 import bpy
 
 from ..ivg_addon.blender import direct_light
+from .needs import poll_editable
 
 
 class IVG_OT_direct_only(bpy.types.Operator):
@@ -21,8 +22,7 @@ class IVG_OT_direct_only(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Only in a scene that can be changed, and where something is to be changed."""
-        if not context.scene.is_editable:
-            cls.poll_message_set("The scene is linked from another file and cannot be changed")
+        if not poll_editable(cls, context):
             return False
         if direct_light.is_direct_only(context.scene) and not direct_light.counts_twice(context.scene):
             cls.poll_message_set("Indirect light is switched off already")

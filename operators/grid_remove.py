@@ -6,8 +6,7 @@ from __future__ import annotations
 import bpy
 
 from ..ivg_addon.blender import storage
-from .needs_grid import poll_grid
-from .which_objects import poll_no_render
+from .needs import poll_grid, poll_no_render
 
 
 class IVG_OT_grid_remove(bpy.types.Operator):

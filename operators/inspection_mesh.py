@@ -8,12 +8,13 @@ from bpy.props import EnumProperty
 
 from ..ivg_addon.blender.inspection_mesh import KINDS, make_inspection_mesh
 from ..ivg_addon.blender.inspection_properties import LOOK_OF_KIND, look_properties
+from ..ivg_addon.blender.panels import align_names
 from ..ivg_addon.core.errors import IvgError
-from .needs_grid import poll_grid
+from .needs import poll_grid
 
 
 class IVG_OT_inspection_mesh(bpy.types.Operator):
-    """Make spheres, arrows or a slice; what is not given is as in the panel"""
+    """Make spheres, arrows or a slice; what is not given is as in the panel."""
 
     bl_idname = "ivg.inspection_mesh"
     bl_label = "Make Irradiance Vector Grid Inspection Mesh"
@@ -52,8 +53,6 @@ class IVG_OT_inspection_mesh(bpy.types.Operator):
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw what matters for the kind."""
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout = align_names(self.layout)
         for name in ("kind", *LOOK_OF_KIND[self.properties.kind], "exposure"):
             layout.prop(self.properties, name)

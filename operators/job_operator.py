@@ -16,6 +16,7 @@ from ..ivg_addon.blender.second_blender import SecondBlender
 from ..ivg_addon.blender.summary import duration
 from ..ivg_addon.core.errors import Cancelled, IvgError
 from ..ivg_addon.core.progress import Progress
+from .needs import poll_editable
 
 TICK_SECONDS = 0.05
 SLICE_SECONDS = 0.02
@@ -41,10 +42,7 @@ class JobOperator(bpy.types.Operator):
         if job is not None:
             cls.poll_message_set(f"{job.label} is running: wait for it or cancel it")
             return False
-        if not context.scene.is_editable:
-            cls.poll_message_set("The scene is linked from another file and cannot be changed")
-            return False
-        return True
+        return poll_editable(cls, context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Do the job while Blender waits, with the progress on the console."""

@@ -7,8 +7,8 @@ import bpy
 
 from ..ivg_addon.blender import scene_light
 from ..ivg_addon.core.errors import IvgError
-from .needs_grid import poll_grid
-from .which_objects import poll_no_render, which_objects
+from .needs import poll_grid, poll_no_render
+from .which_objects import which_objects
 
 
 class IVG_OT_materials_add(bpy.types.Operator):

@@ -6,7 +6,8 @@ from __future__ import annotations
 import bpy
 
 from ..ivg_addon.blender import material_light, scene_light
-from .which_objects import poll_no_render, which_objects
+from .needs import poll_no_render
+from .which_objects import which_objects
 
 
 class IVG_OT_materials_remove(bpy.types.Operator):

@@ -8,7 +8,7 @@ import bpy
 from ..ivg_addon.blender import light_modifier
 from ..ivg_addon.core.errors import IvgError
 from .modifier_targets import report_left_out, targets
-from .needs_grid import poll_grid
+from .needs import poll_grid
 from .which_objects import which_objects
 
 

@@ -7,7 +7,7 @@ import bpy
 
 from ..ivg_addon.blender import storage
 from ..ivg_addon.core.errors import IvgError
-from .needs_grid import poll_grid
+from .needs import poll_grid
 
 
 class IVG_OT_restore(bpy.types.Operator):

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What operators on objects and their materials have in common: which ones, and that no render reads them."""
+"""What operators on objects and their materials have in common: which ones are meant."""
 
 from __future__ import annotations
 
-import bpy
 from bpy.props import EnumProperty
 
 
@@ -19,11 +18,3 @@ def which_objects(description: str, default: str = "ALL") -> object:
         default=default,
         options={"SKIP_SAVE"},
     )
-
-
-def poll_no_render(operator: type[bpy.types.Operator]) -> bool:
-    """Tell whether no render is running; if one is, the operator's tooltip will say so."""
-    if bpy.app.is_job_running("RENDER"):
-        operator.poll_message_set("A render is running: wait until it is done, or cancel it")
-        return False
-    return True

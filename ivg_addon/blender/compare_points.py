@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -100,20 +101,20 @@ def compare_points_steps(
     arrays = yield from part(export_render_steps(scene, view_layer, ask, run), 0.0, _EXPORTED)
     kinds = yield from part(run(_place_steps(arrays, grid, points, seed)), _EXPORTED, _FOUND)
     settings = grid.record.settings
+    measure = functools.partial(
+        irradiance_steps,
+        scene,
+        view_layer=view_layer,
+        component="ALL" if settings.include_direct else "INDIRECT",
+        samples=samples,
+        bounces=settings.bounces,
+        seed=seed,
+        ask=ask,
+    )
     middle = 0.5 * (_FOUND + 1.0)
     agreements = []
     for places, low, high in zip(kinds, (_FOUND, middle), (middle, 1.0), strict=True):
-        measuring = irradiance_steps(
-            scene,
-            places.points,
-            places.normals,
-            view_layer=view_layer,
-            component="ALL" if settings.include_direct else "INDIRECT",
-            samples=samples,
-            bounces=settings.bounces,
-            seed=seed,
-            ask=ask,
-        )
+        measuring = measure(places.points, places.normals)
         truth = yield from part(measuring, low, high)
         agreements.append(_agreement(grid, places, truth, look_up))
     return PointComparison(

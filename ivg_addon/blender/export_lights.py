@@ -93,17 +93,7 @@ def export_lights(
             rows[kind].append({"names": light.name, "group": group, "max_bounces": _limit(light.data), **row})
         notices.extend(notes.notices)
     radiance, environment, world_notices = _world(depsgraph, world)
-    in_order = [row for kind in rows for row in rows[kind]]
-    lights = Lights(
-        world=radiance,
-        environment=environment,
-        patterns=tuple(patterns.values()),
-        group=np.array([row.pop("group") for row in in_order], dtype=np.int32),
-        max_bounces=np.array([row.pop("max_bounces") for row in in_order], dtype=np.int32),
-        area=_stack(AreaLights, rows[AreaLights]),
-        point=_stack(PointLights, rows[PointLights]),
-        sun=_stack(SunLights, rows[SunLights]),
-    )
+    lights = _lights(rows, radiance, environment, tuple(patterns.values()))
     return lights, merge([*notices, *world_notices])
 
 
@@ -299,6 +289,26 @@ def _unit(vector: Float64) -> Float64:
     """Return a vector of length one, or zero if it has no length."""
     length = float(np.linalg.norm(vector))
     return vector / length if length > 0.0 else vector
+
+
+def _lights(
+    rows: dict[type, list[Row]],
+    world: NDArray[np.float32],
+    environment: tuple[EnvironmentMap, ...],
+    patterns: tuple[Pattern, ...],
+) -> Lights:
+    """Return lights of their rows, which are in the order in which `Lights` counts them, and of the world."""
+    in_order = [row for kind in rows for row in rows[kind]]
+    return Lights(
+        world=world,
+        environment=environment,
+        patterns=patterns,
+        group=np.array([row.pop("group") for row in in_order], dtype=np.int32),
+        max_bounces=np.array([row.pop("max_bounces") for row in in_order], dtype=np.int32),
+        area=_stack(AreaLights, rows[AreaLights]),
+        point=_stack(PointLights, rows[PointLights]),
+        sun=_stack(SunLights, rows[SunLights]),
+    )
 
 
 def _stack(kind: type[Kind], rows: list[Row]) -> Kind:

@@ -7,7 +7,7 @@ import bpy
 
 from ..core.errors import GridFileError
 from . import grid_image, storage
-from .panels import RenderPanel, draw_facts, draw_wrapped
+from .panels import RenderPanel, align_names, draw_facts, draw_wrapped
 from .staleness import Freshness, freshness
 from .summary import created, voxels
 
@@ -35,9 +35,7 @@ class IVG_PT_grid(RenderPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the grid's facts, what is wrong with it, and the buttons."""
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout = align_names(self.layout)
         layout.prop(context.scene.ivg, "grid")
         image = context.scene.ivg.grid
         if image is None:

@@ -7,7 +7,7 @@ import bpy
 
 from . import inspection_overlay
 from .inspection_properties import LOOK_OF_KIND
-from .panels import RenderPanel, draw_facts, draw_wrapped
+from .panels import RenderPanel, align_names, draw_facts, draw_wrapped
 
 _SHOWN = (
     ("SPHERES", "show_spheres", "MESH_UVSPHERE"),
@@ -31,9 +31,7 @@ class IVG_PT_inspection(RenderPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the switches, how each thing looks, and what is shown."""
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout = align_names(self.layout)
         settings = context.scene.ivg.inspection
         for kind, switch, icon in _SHOWN:
             header, body = layout.panel(f"IVG_{switch}", default_closed=True)

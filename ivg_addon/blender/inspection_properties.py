@@ -83,6 +83,14 @@ def look_properties(options: Iterable[str] = ()) -> dict[str, Any]:
             precision=2,
             options=flags,
         ),
+        **_arrow_properties(flags),
+        **_slice_properties(flags),
+    }
+
+
+def _arrow_properties(flags: set[str]) -> dict[str, Any]:
+    """Return the properties of arrows alone."""
+    return {
         "vectors": EnumProperty(
             name="Vectors",
             description="Which vectors arrows show. They point to where the light comes from",
@@ -101,6 +109,12 @@ def look_properties(options: Iterable[str] = ()) -> dict[str, Any]:
             precision=2,
             options=flags,
         ),
+    }
+
+
+def _slice_properties(flags: set[str]) -> dict[str, Any]:
+    """Return the properties of slices alone."""
+    return {
         "slice_axis": EnumProperty(
             name="Axis",
             description="Which axis the slice is perpendicular to",

@@ -147,11 +147,8 @@ def sphere_shader() -> Any:
     Uniforms: view_projection; eye (a position and 1, or the direction to the viewer and 0); radii of vertices with and
     without light, metres; gain; per_row.
     """
-    info = _info(PI="3.14159265358979", TEXELS=str(SPHERE_TEXELS), UNLIT="vec3(1.0, 0.0, 0.6)")
-    info.push_constant("VEC4", "eye")
+    info = _instance_info(SPHERE_TEXELS, PI="3.14159265358979", UNLIT="vec3(1.0, 0.0, 0.6)")
     info.push_constant("VEC2", "radii")
-    info.push_constant("INT", "per_row")
-    info.sampler(0, "FLOAT_2D", "instances")
     info.vertex_in(0, "VEC2", "corner")
     between = gpu.types.GPUStageInterfaceInfo("ivg_sphere")
     between.smooth("VEC3", "place")
@@ -168,11 +165,8 @@ def arrow_shader() -> Any:
 
     Uniforms: view_projection; eye, as for spheres; scale of the vectors; gain; per_row.
     """
-    info = _info(TEXELS=str(ARROW_TEXELS))
-    info.push_constant("VEC4", "eye")
+    info = _instance_info(ARROW_TEXELS)
     info.push_constant("FLOAT", "scale")
-    info.push_constant("INT", "per_row")
-    info.sampler(0, "FLOAT_2D", "instances")
     info.vertex_in(0, "VEC3", "pos")
     between = gpu.types.GPUStageInterfaceInfo("ivg_arrow")
     between.smooth("VEC3", "place")
@@ -214,6 +208,15 @@ def _info(**defines: str) -> Any:
     # Blender sets it to whether the target encodes sRGB.
     info.push_constant("BOOL", "srgbTarget")
     info.fragment_out(0, "VEC4", "fragColor")
+    return info
+
+
+def _instance_info(texels: int, **defines: str) -> Any:
+    """Return what the shaders of instances, each of so many texels, have in common."""
+    info = _info(TEXELS=str(texels), **defines)
+    info.push_constant("VEC4", "eye")
+    info.push_constant("INT", "per_row")
+    info.sampler(0, "FLOAT_2D", "instances")
     return info
 
 

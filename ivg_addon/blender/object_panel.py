@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import bpy
 
+from .panels import align_names
 from .staleness import LIT_TYPES
 
 
@@ -25,9 +26,7 @@ class IVG_PT_object(bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the setting."""
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout = align_names(self.layout)
         layout.prop(context.object.ivg, "leave_out")
 
 

@@ -41,6 +41,14 @@ def draw_wrapped(
         column.label(text=line, icon=blank if index else icon, translate=False)
 
 
+def align_names(layout: bpy.types.UILayout) -> bpy.types.UILayout:
+    """Have names of properties drawn in a column before their values, and return the layout."""
+    layout.use_property_split = True
+    # None of them can be animated.
+    layout.use_property_decorate = False
+    return layout
+
+
 class RenderPanel:
     """Where all these panels are: in the Render properties, whatever the engine."""
 
@@ -69,8 +77,7 @@ class IVG_PT_main(RenderPanel, bpy.types.Panel):
             row = box.row()
             draw_wrapped(row, context, error, icon="ERROR")
             row.operator("ivg.dismiss_error", text="", icon="X", emboss=False)
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        align_names(layout)
         layout.prop(
             settings,
             "filepath",
@@ -133,9 +140,7 @@ class IVG_PT_bounds(RenderPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the box's settings and what comes of them."""
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout = align_names(self.layout)
         settings = context.scene.ivg
         layout.row().prop(settings, "bounds_mode", expand=True)
         if settings.bounds_mode == "OBJECT":
@@ -187,9 +192,7 @@ class IVG_PT_sampling(RenderPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the photons' settings."""
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout = align_names(self.layout)
         settings = context.scene.ivg
         layout.prop(settings, "photons")
         draw_facts(layout, ("", count(settings.photons)))
@@ -209,9 +212,7 @@ class IVG_PT_look_up(RenderPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the interpolations."""
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout = align_names(self.layout)
         settings = context.scene.ivg
         layout.prop(settings, "spatial")
         layout.prop(settings, "directional")

@@ -14,7 +14,6 @@ from typing import Any
 import bpy
 from bpy.props import (
     BoolProperty,
-    CollectionProperty,
     EnumProperty,
     FloatProperty,
     FloatVectorProperty,
@@ -27,6 +26,7 @@ from bpy.props import (
 from . import staleness
 from .grid_image import is_grid
 from .inspection_properties import IvgInspection
+from .outcome_properties import IvgNotice, IvgOutcome, IvgRow
 
 BOUNDS_MODES = (
     ("SCENE", "Scene", "Smallest box around everything that is rendered", "SCENE_DATA", 0),
@@ -77,6 +77,21 @@ def settings_properties(options: Iterable[str] = ()) -> dict[str, Any]:
     """
     flags = set(options)
     return {
+        **_box_properties(flags),
+        **_photon_properties(flags),
+        "filepath": StringProperty(
+            name="Grid File",
+            description="Where the grid is kept (.ivg.npz). Empty: beside the .blend file, under its name",
+            subtype="FILE_PATH",
+            default="",
+            options=flags | {"PATH_SUPPORTS_BLEND_RELATIVE"},
+        ),
+    }
+
+
+def _box_properties(flags: set[str]) -> dict[str, Any]:
+    """Return the properties that say which box is baked, and into how many voxels."""
+    return {
         "bounds_mode": EnumProperty(
             name="Bounds",
             description="Which box the grid fills",
@@ -122,6 +137,12 @@ def settings_properties(options: Iterable[str] = ()) -> dict[str, Any]:
             max=1024,
             options=flags,
         ),
+    }
+
+
+def _photon_properties(flags: set[str]) -> dict[str, Any]:
+    """Return the properties that say which photons fly, and what is made of them."""
+    return {
         "photons": IntProperty(
             name="Photons",
             description="Photons that the lights emit: four times as many halve the noise and "
@@ -171,13 +192,6 @@ def settings_properties(options: Iterable[str] = ()) -> dict[str, Any]:
             soft_max=64,
             max=1024,
             options=flags,
-        ),
-        "filepath": StringProperty(
-            name="Grid File",
-            description="Where the grid is kept (.ivg.npz). Empty: beside the .blend file, under its name",
-            subtype="FILE_PATH",
-            default="",
-            options=flags | {"PATH_SUPPORTS_BLEND_RELATIVE"},
         ),
     }
 
@@ -260,33 +274,6 @@ def _has_box(settings: IvgSettings, candidate: bpy.types.Object) -> bool:
 def _is_grid(settings: IvgSettings, candidate: bpy.types.Image) -> bool:
     """Tell whether an image is a grid that a bake has stored."""
     return is_grid(candidate)
-
-
-class IvgRow(bpy.types.PropertyGroup):
-    """One line of a summary; `name` is its label."""
-
-    __annotations__ = {"value": StringProperty(name="Value", options=set())}
-
-
-class IvgNotice(bpy.types.PropertyGroup):
-    """One thing that was simplified, left out or wondered about; `name` is all of it."""
-
-    __annotations__ = {
-        "kind": StringProperty(name="Kind", options=set()),
-        "subject": StringProperty(name="Subject", options=set()),
-        "message": StringProperty(name="Message", options=set()),
-    }
-
-
-class IvgOutcome(bpy.types.PropertyGroup):
-    """What the last bake or comparison did, as it was told to the user; see outcome.py."""
-
-    __annotations__ = {
-        "filepath": StringProperty(name="File", subtype="FILE_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"}),
-        "rows": CollectionProperty(type=IvgRow),
-        "notices": CollectionProperty(type=IvgNotice),
-        "active_notice": IntProperty(name="Notice", default=0, min=0, options=set()),
-    }
 
 
 class IvgSettings(bpy.types.PropertyGroup):

@@ -32,8 +32,6 @@ _edits: dict[int, int] = {}
 """By scene: how often something that could change the light was evaluated anew."""
 _inventories: dict[int, tuple[object, ...]] = {}
 """By scene: what is in it, when it was last looked at."""
-
-
 _unnoticed = False
 """Whether what is evaluated now changes no light."""
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..core.false_color import luminance
 from ..core.grid import grid_bytes
 from ..core.report import Notice
 
@@ -17,12 +18,9 @@ if TYPE_CHECKING:
     from ..core.bake import BakeResult, BakeStatistics
     from ..core.grid import BakeRecord, IrradianceVectorGrid
     from ..core.scene import SurfaceRecord
-    from ..core.settings import Vec3
 
 Row = tuple[str, str]
 """A label and a value."""
-
-_LUMINANCE = (0.2126, 0.7152, 0.0722)
 
 
 def count(number: float) -> str:
@@ -69,10 +67,6 @@ def created(record: BakeRecord) -> str:
     """Return when, in local time, and by which version a grid was baked."""
     when = datetime.fromisoformat(record.created).astimezone()
     return f"{when:%Y-%m-%d %H:%M}, version {record.version}"
-
-
-def _luminance(power: Vec3) -> float:
-    return float(np.dot(power, _LUMINANCE))
 
 
 def grid_rows(grid: IrradianceVectorGrid) -> list[Row]:
@@ -144,13 +138,13 @@ def _what_it_took(seconds: float) -> str:
 def _where_it_went(statistics: BakeStatistics) -> str:
     """Return the lights' power and where it went, weighted by luminance."""
     ends = {
-        "absorbed": _luminance(statistics.absorbed),
-        "escaped": _luminance(statistics.escaped),
-        "cut after the last bounce": _luminance(statistics.cut),
+        "absorbed": luminance(statistics.absorbed),
+        "escaped": luminance(statistics.escaped),
+        "cut after the last bounce": luminance(statistics.cut),
     }
     total = sum(ends.values()) or 1.0
     shares = (f"{watts / total:.1%} {end}" for end, watts in ends.items())
-    return f"{_luminance(statistics.emitted):.4g} W emitted: {', '.join(shares)}"
+    return f"{luminance(statistics.emitted):.4g} W emitted: {', '.join(shares)}"
 
 
 def _what_was_of_use(aim: Aim) -> str:

@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiled import inlined, kernel
+from .compiled import inlined, kernel, merged
 from .embree import MISS, Hits
 from .emission.distant import Box
 from .emission.photons import Emitters, pick
@@ -151,6 +151,30 @@ def _seen_distance(along, b):
     return along + b * b / along if along > b else 2.0 * b
 
 
+@inlined
+def _along_of(seen, b, b2):
+    """Return how far along the line what sees its light at this distance is: the inverse of `_seen_distance`."""
+    return 0.5 * (seen + math.sqrt(max(0.0, seen * seen - 4.0 * b2))) if seen > 2.0 * b else 0.0
+
+
+@inlined
+def _inverse(component):
+    """Return the metres that a flight goes while it goes one along an axis."""
+    return 1.0 / float(component) if component != 0.0 else math.inf
+
+
+@merged
+def _distance_to(vertices, triangles, triangle, u, v, start):
+    """Return the distance between a point and a place on a triangle."""
+    squared = 0.0
+    for axis in range(3):
+        place = (1.0 - u - v) * vertices[triangles[triangle, 0], axis]
+        place += u * vertices[triangles[triangle, 1], axis]
+        place += v * vertices[triangles[triangle, 2], axis]
+        squared += (place - start[axis]) ** 2
+    return math.sqrt(squared)
+
+
 @kernel
 def fall_off(
     cumulative,
@@ -197,19 +221,9 @@ def fall_off(
         end = flown + float(hit_distance[i])
         surface = 0.0
         if hit_triangle[i] != MISS:
-            u, v = float(hit_u[i]), float(hit_v[i])
-            for axis in range(3):
-                place = (1.0 - u - v) * vertices[triangles[hit_triangle[i], 0], axis]
-                place += u * vertices[triangles[hit_triangle[i], 1], axis]
-                place += v * vertices[triangles[hit_triangle[i], 2], axis]
-                surface += (place - start[axis]) ** 2
-            surface = math.sqrt(surface)
+            surface = _distance_to(vertices, triangles, hit_triangle[i], float(hit_u[i]), float(hit_v[i]), start)
         x = (float(origins[i, 0]) - low[0], float(origins[i, 1]) - low[1], float(origins[i, 2]) - low[2])
-        inverse = (
-            1.0 / float(directions[i, 0]) if directions[i, 0] != 0.0 else math.inf,
-            1.0 / float(directions[i, 1]) if directions[i, 1] != 0.0 else math.inf,
-            1.0 / float(directions[i, 2]) if directions[i, 2] != 0.0 else math.inf,
-        )
+        inverse = _inverse(directions[i, 0]), _inverse(directions[i, 1]), _inverse(directions[i, 2])
         enters, leaves = clip_to_box(x, inverse, 0.0, float(hit_distance[i]), top, -1)
         at_surface = growth(_seen_distance(surface, b), k, s) / most[light]
         in_air = at_surface
@@ -219,7 +233,7 @@ def fall_off(
             in_air = grown / most[light]
             xi = random4(seed, photons[i] + (flight << 48), _STREAM)[1]
             seen = _distance_of(xi * grown, k, s, _seen_distance(end, b))
-            begin = 0.5 * (seen + math.sqrt(max(0.0, seen * seen - 4.0 * b2))) if seen > 2.0 * b else 0.0
+            begin = _along_of(seen, b, b2)
             if begin > flown:
                 step = min(begin - flown, float(hit_distance[i]))
                 for axis in range(3):

@@ -50,7 +50,7 @@ class Vectors(StrEnum):
     NZ = "NZ"
 
 
-DIRECTIONS = ("PX", "NX", "PY", "NY", "PZ", "NZ")
+DIRECTIONS = tuple(str(one) for one in Vectors if one is not Vectors.FLUX)
 """In the order of `IrradianceVectorGrid.vectors`."""
 
 
@@ -181,8 +181,7 @@ def spheres(grid: IrradianceVectorGrid, vertices: Vertices, size: float) -> Surf
     directions, triangles = icosphere(3 if len(vertices.index) <= _FEW_SPHERES else 2)
     radius = 0.5 * size * vertices.spacing
     positions = vertices.positions[:, None] + (radius * directions).astype(np.float32)
-    values = sphere_irradiance(shown_vectors(grid, vertices), directions)
-    return Surface(positions.reshape(-1, 3), _repeated(triangles, len(directions), len(positions)), _rows(values))
+    return _copies(triangles, positions, sphere_irradiance(shown_vectors(grid, vertices), directions))
 
 
 def arrow_vectors(grid: IrradianceVectorGrid, vertices: Vertices, which: Vectors) -> tuple[Float32, Float32]:
@@ -222,8 +221,7 @@ def arrows(grid: IrradianceVectorGrid, vertices: Vertices, which: Vectors, size:
     shape, triangles = unit_arrow()
     frames = _frames(pointing.astype(np.float64)) * (size * vertices.spacing * arrow_scale(pointing))
     positions = tails[:, None] + np.einsum("vk,nkx->nvx", shape, frames).astype(np.float32)
-    values = np.broadcast_to(colors[:, None], positions.shape)
-    return Surface(positions.reshape(-1, 3), _repeated(triangles, len(shape), len(tails)), _rows(values))
+    return _copies(triangles, positions, np.broadcast_to(colors[:, None], positions.shape))
 
 
 def unit_arrow() -> tuple[Float64, Int32]:
@@ -257,10 +255,11 @@ def _frames(vectors: Float64) -> Float64:
     return np.stack([aside, np.cross(vectors, aside) / length, vectors], axis=1)
 
 
-def _repeated(triangles: NDArray[np.integer], size: int, count: int) -> Int32:
-    """Return the triangles of `count` copies of a mesh of `size` vertices."""
-    return (size * np.arange(count)[:, None, None] + triangles).reshape(-1, triangles.shape[1]).astype(np.int32)
-
-
-def _rows(values: Float32) -> Float32:
-    return np.ascontiguousarray(values, dtype=np.float32).reshape(-1, 3)
+def _copies(triangles: NDArray[np.integer], positions: Float32, values: Float32) -> Surface:
+    """Return n copies of a mesh of v vertices as one: triangles (t, 3) of each; positions and values (n, v, 3)."""
+    copies, size, _ = positions.shape
+    return Surface(
+        positions=positions.reshape(-1, 3),
+        faces=(size * np.arange(copies)[:, None, None] + triangles).reshape(-1, 3).astype(np.int32),
+        values=np.ascontiguousarray(values, dtype=np.float32).reshape(-1, 3),
+    )

@@ -44,7 +44,7 @@ from .scattering import ABSORBED, CUT, ESCAPED, add_energy, store
 from .scene import MATTE, NO_TEXTURE, PANE, SHEEN, TRANSLUCENT, TRANSPARENT
 from .sheen import sheen_shape
 from .surface_bins import BACK, FRONT, patch_of
-from .surfaces import corner, shading_normal, texture_coordinates
+from .surfaces import corner, place_at, shading_normal, texture_coordinates
 from .tally import WEIGHT_LIMIT
 from .textures import surface_albedo
 from .vectors import cosine_direction, offset_distance, orthonormal_basis
@@ -248,10 +248,7 @@ def scatter_at_lobes(
         p = corner(vertices, triangles, triangle, 0)
         q = corner(vertices, triangles, triangle, 1)
         r = corner(vertices, triangles, triangle, 2)
-        w = 1.0 - u - v
-        x = w * p[0] + u * q[0] + v * r[0]
-        y = w * p[1] + u * q[1] + v * r[1]
-        z = w * p[2] + u * q[2] + v * r[2]
+        x, y, z = place_at(p, q, r, u, v)
         away = offset_distance(x, y, z, float(planes[triangle, 3])) * (-1.0 if transmitted else 1.0)
         store(origins, row, x + away * gx, y + away * gy, z + away * gz)
         store(directions, row, ox, oy, oz)

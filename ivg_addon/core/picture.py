@@ -22,7 +22,7 @@ from .progress import Progress
 from .scene import NO_TEXTURE, Float32, Scene
 from .settings import Directional, Spatial
 from .surface_bins import SurfaceBins
-from .surfaces import Surfaces, corner, shading_normal, texture_coordinates
+from .surfaces import Surfaces, corner, place_at, shading_normal, texture_coordinates
 from .textures import surface_albedo
 
 _BATCH = 1 << 15
@@ -167,8 +167,7 @@ def meet(seen, directions, triangle, hit_u, hit_v, surfaces, points, normals, al
                 x, y, z = sx, sy, sz
         side = -1.0 if away else 1.0
         normals[row, 0], normals[row, 1], normals[row, 2] = side * x, side * y, side * z
-        for axis in range(3):
-            points[row, axis] = (1.0 - u - v) * p[axis] + u * q[axis] + v * r[axis]
+        points[row, 0], points[row, 1], points[row, 2] = place_at(p, q, r, u, v)
         # The textures' arrays are touched only where there is one: Numba counts references to them.
         m = surfaces.back[surfaces.material[t]] if away else surfaces.material[t]
         rho = (float(surfaces.albedo[m, 0]), float(surfaces.albedo[m, 1]), float(surfaces.albedo[m, 2]))

@@ -24,7 +24,7 @@ from .embree import MISS
 from .random import STREAM_SCATTER, random4
 from .scene import NO_TEXTURE
 from .surface_bins import BACK, FRONT, patch_of
-from .surfaces import corner, shading_normal, texture_coordinates
+from .surfaces import corner, place_at, shading_normal, texture_coordinates
 from .tally import WEIGHT_LIMIT
 from .textures import surface_albedo
 from .vectors import cosine_direction, offset_distance
@@ -158,10 +158,7 @@ def scatter(
         p = corner(vertices, triangles, triangle, 0)
         q = corner(vertices, triangles, triangle, 1)
         r = corner(vertices, triangles, triangle, 2)
-        w = 1.0 - u - v
-        x = w * p[0] + u * q[0] + v * r[0]
-        y = w * p[1] + u * q[1] + v * r[1]
-        z = w * p[2] + u * q[2] + v * r[2]
+        x, y, z = place_at(p, q, r, u, v)
         away = offset_distance(x, y, z, float(planes[triangle, 3]))
         ox, oy, oz = cosine_direction(gx, gy, gz, xi_u, xi_v)
         photons[alive], bounces[alive], dark[alive] = photons[ray], bounces[ray] + 1, 0.0

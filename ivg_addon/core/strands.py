@@ -287,24 +287,32 @@ def place_prisms(first_ring, rings, rolls, sides, vertices):
             if not _normalize(miter):
                 for axis in range(3):
                     miter[axis] = before[axis]
-            slope = before[0] * miter[0] + before[1] * miter[1] + before[2] * miter[2]
-            slope = max(slope, _STEEPEST_MITER)
-            ux, uy, uz = across[0], across[1], across[2]
-            vx = before[1] * uz - before[2] * uy
-            vy = before[2] * ux - before[0] * uz
-            vz = before[0] * uy - before[1] * ux
-            r = stretch * rings[ring, 3]
-            for side in range(sides):
-                angle = 2.0 * math.pi * side / sides
-                c, s = math.cos(angle), math.sin(angle)
-                nx, ny, nz = c * ux + s * vx, c * uy + s * vy, c * uz + s * vz
-                # Along the piece to the plane that halves the angle with the next.
-                along = nx * miter[0] + ny * miter[1] + nz * miter[2]
-                slide = r * along / slope
-                row = ring * sides + side
-                vertices[row, 0] = np.float32(rings[ring, 0] + r * nx - slide * before[0])
-                vertices[row, 1] = np.float32(rings[ring, 1] + r * ny - slide * before[1])
-                vertices[row, 2] = np.float32(rings[ring, 2] + r * nz - slide * before[2])
+            _place_polygon(rings, ring, before, miter, across, stretch * rings[ring, 3], sides, vertices)
+
+
+@merged
+def _place_polygon(rings, ring, before, miter, across, r, sides, vertices):
+    """Fill in a cross-section's corners: those of a polygon of circumradius r around the piece before, moved along it.
+
+    They lie in the plane that halves the angle with the next piece; `miter` is its normal, and `across` leads from the
+    axis to the first of them.
+    """
+    slope = before[0] * miter[0] + before[1] * miter[1] + before[2] * miter[2]
+    slope = max(slope, _STEEPEST_MITER)
+    ux, uy, uz = across[0], across[1], across[2]
+    vx = before[1] * uz - before[2] * uy
+    vy = before[2] * ux - before[0] * uz
+    vz = before[0] * uy - before[1] * ux
+    for side in range(sides):
+        angle = 2.0 * math.pi * side / sides
+        c, s = math.cos(angle), math.sin(angle)
+        nx, ny, nz = c * ux + s * vx, c * uy + s * vy, c * uz + s * vz
+        along = nx * miter[0] + ny * miter[1] + nz * miter[2]
+        slide = r * along / slope
+        row = ring * sides + side
+        vertices[row, 0] = np.float32(rings[ring, 0] + r * nx - slide * before[0])
+        vertices[row, 1] = np.float32(rings[ring, 1] + r * ny - slide * before[1])
+        vertices[row, 2] = np.float32(rings[ring, 2] + r * nz - slide * before[2])
 
 
 @merged

@@ -91,6 +91,13 @@ def corner(vertices, triangles, triangle, index):
 
 
 @inlined
+def place_at(p, q, r, u, v):
+    """Return the place (1 − u − v) p + u q + v r, three floats."""
+    w = 1.0 - u - v
+    return w * p[0] + u * q[0] + v * r[0], w * p[1] + u * q[1] + v * r[1], w * p[2] + u * q[2] + v * r[2]
+
+
+@inlined
 def unit_normal(p, q, r):
     """Return the unit normal (p, q, r counter-clockwise) and the triangle's longest edge at p."""
     ax, ay, az = q[0] - p[0], q[1] - p[1], q[2] - p[2]

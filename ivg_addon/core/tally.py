@@ -120,12 +120,8 @@ def _track_length_kernel(divided: bool) -> Callable[..., None]:
             t0, t1 = clip_to_box(x, inverse, 0.0, float(lengths[ray]), top, -1)
             if not t0 < t1:
                 continue
-            # ω = −d; the nine products are constant along the flight.
-            unit = -scale / ticks
-            red, green, blue = weights[ray, 0] * unit, weights[ray, 1] * unit, weights[ray, 2] * unit
-            p0, p1, p2 = red * d[0], red * d[1], red * d[2]
-            p3, p4, p5 = green * d[0], green * d[1], green * d[2]
-            p6, p7, p8 = blue * d[0], blue * d[1], blue * d[2]
+            # ω = −d
+            products = products_of(weights, ray, -scale / ticks, d)
             octant = (1 if d[0] < 0 else 0) + (2 if d[1] < 0 else 0) + (4 if d[2] < 0 else 0)
 
             # Amanatides & Woo's walk, over dual cells: boundaries lie at half voxels.
@@ -149,15 +145,7 @@ def _track_length_kernel(divided: bool) -> Callable[..., None]:
                     vertex = cell >> 3
                     if start[vertex] < start[vertex + 1]:
                         leg = length_on_side(start, planes, vertex, entry, rate, float(t), t + leg)
-                sums[row, 0] += np.int64(p0 * leg)
-                sums[row, 1] += np.int64(p1 * leg)
-                sums[row, 2] += np.int64(p2 * leg)
-                sums[row, 3] += np.int64(p3 * leg)
-                sums[row, 4] += np.int64(p4 * leg)
-                sums[row, 5] += np.int64(p5 * leg)
-                sums[row, 6] += np.int64(p6 * leg)
-                sums[row, 7] += np.int64(p7 * leg)
-                sums[row, 8] += np.int64(p8 * leg)
+                add_leg(sums, row, products, leg)
                 if t_next >= end:
                     break
                 t = t_next
@@ -176,6 +164,31 @@ def _track_length_kernel(divided: bool) -> Callable[..., None]:
 
 deposit_track_length = _track_length_kernel(divided=False)
 deposit_track_length_on_side = _track_length_kernel(divided=True)
+
+
+@merged
+def products_of(weights, ray, unit, d):
+    """Return the nine products w_c d_j of a flight, in so many units; they are constant along it."""
+    red, green, blue = weights[ray, 0] * unit, weights[ray, 1] * unit, weights[ray, 2] * unit
+    of_red = red * d[0], red * d[1], red * d[2]
+    of_green = green * d[0], green * d[1], green * d[2]
+    of_blue = blue * d[0], blue * d[1], blue * d[2]
+    return of_red + of_green + of_blue
+
+
+@merged
+def add_leg(sums, row, products, leg):
+    """Add the nine products, times the length of a leg, to a row."""
+    p0, p1, p2, p3, p4, p5, p6, p7, p8 = products
+    sums[row, 0] += np.int64(p0 * leg)
+    sums[row, 1] += np.int64(p1 * leg)
+    sums[row, 2] += np.int64(p2 * leg)
+    sums[row, 3] += np.int64(p3 * leg)
+    sums[row, 4] += np.int64(p4 * leg)
+    sums[row, 5] += np.int64(p5 * leg)
+    sums[row, 6] += np.int64(p6 * leg)
+    sums[row, 7] += np.int64(p7 * leg)
+    sums[row, 8] += np.int64(p8 * leg)
 
 
 @merged

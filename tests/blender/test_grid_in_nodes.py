@@ -3,14 +3,10 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import bpy
-import gpu
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -23,9 +19,9 @@ from ivg_addon.core.settings import Directional
 from tests.core.grids import LATTICE, grid
 
 from .export_scenes import add_object, empty_scene, new_material
+from .gpu_child import draws, rendered_by_eevee
 from .stored_grids import random_grid, store
 
-ROOT = Path(__file__).resolve().parents[2]
 SIDE = 64
 """Pixels along an edge of the picture, each of which shows one texel."""
 WIDE = Lattice((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (1, 1, 6000))
@@ -114,28 +110,10 @@ def test_cycles_reads_every_texel_to_the_bit(extension: str, tmp_path: Path, lat
     np.testing.assert_array_equal(rendered(tmp_path / "a.exr"), expected)
 
 
-EEVEE = """
-import sys
-from pathlib import Path
-import bpy
-import gpu
-gpu.init()
-print("gpu", flush=True)
-import numpy as np
-from tests.blender import test_grid_in_nodes as here
-bpy.ops.wm.open_mainfile(filepath=sys.argv[1])
-scene = bpy.context.scene
-scene.render.engine = "BLENDER_EEVEE"
-scene.eevee.taa_render_samples = 1
-np.save(sys.argv[2], here.rendered(Path(sys.argv[2]).with_suffix(".exr")))
-"""
-
-
+@draws
 def test_eevee_reads_every_texel(extension: str, tmp_path: Path) -> None:
     """A render is a picture of half floats: the difference to what was expected shows that the texels are not."""
-    if not hasattr(gpu, "init"):
-        pytest.skip("the module of this Blender draws only with a window")
-    empty_scene()
+    empty_scene().eevee.taa_render_samples = 1
     baked = grid(np.random.default_rng(2).normal(size=(*WIDE.shape, 6, 3, 3)), lattice=WIDE)
     image = store(extension, "Room", baked, tmp_path)
     column, row = texels_of(WIDE)
@@ -161,22 +139,9 @@ def test_eevee_reads_every_texel(extension: str, tmp_path: Path) -> None:
     size.operation = "ABSOLUTE"
     tree.links.new(large.outputs[0], size.inputs[0])
     tree.links.new(size.outputs[0], emission.inputs["Color"])
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
-    found = tmp_path / "found.npy"
-    done = subprocess.run(
-        [sys.executable, "-c", EEVEE, str(tmp_path / "a.blend"), str(found)],
-        cwd=ROOT,
-        env=os.environ | {"BLENDER_USER_RESOURCES": str(tmp_path / "resources")},
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=300,
-    )
-    if "gpu\n" not in done.stdout:
-        pytest.skip("no OpenGL here: install libegl1 and libgl1-mesa-dri")
-    assert done.returncode == 0, done.stderr
+    found = rendered_by_eevee(tmp_path, rendered)
     # Differences of float32 are 0, or 10⁻⁷ of the texel; half floats' would be 10⁻³ and more.
-    assert np.load(found).max() <= 1e6 * np.finfo(np.float32).eps * expected.max()
+    assert found.max() <= 1e6 * np.finfo(np.float32).eps * expected.max()
 
 
 def sampled(

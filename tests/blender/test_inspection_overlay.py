@@ -3,16 +3,12 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import bpy
 import gpu
 import numpy as np
-import pytest
 from mathutils import Matrix
 from numpy.typing import NDArray
 
@@ -25,7 +21,8 @@ from ivg_addon.core.grid import IrradianceVectorGrid
 from ivg_addon.core.moments import vectors as of_moments
 from tests.core.grids import LATTICE, UNIFORM, grid, own_weights
 
-from .stored_grids import ROOT, module, random_grid, store
+from .gpu_child import call_where_it_draws, draws
+from .stored_grids import module, random_grid, store
 
 SIDE = 160
 HIGH = 12.0
@@ -185,35 +182,17 @@ def check_box() -> None:
     assert 0.0 < lines.mean() < 0.2
 
 
-CHILD = """
-import bpy
-import gpu
-gpu.init()
-print("gpu", flush=True)
-from tests.blender import test_inspection_overlay as here
-here.check_spheres(here.ORTHOGRAPHIC)
-here.check_spheres(here.PERSPECTIVE)
-here.check_arrows()
-here.check_slice()
-here.check_box()
-"""
+def check_all() -> None:
+    check_spheres(ORTHOGRAPHIC)
+    check_spheres(PERSPECTIVE)
+    check_arrows()
+    check_slice()
+    check_box()
 
 
+@draws
 def test_what_is_drawn_is_what_the_grid_holds(tmp_path: Path) -> None:
-    if not hasattr(gpu, "init"):
-        pytest.skip("the module of this Blender draws only with a window")
-    done = subprocess.run(
-        [sys.executable, "-c", CHILD],
-        cwd=ROOT,
-        env=os.environ | {"BLENDER_USER_RESOURCES": str(tmp_path / "resources")},
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=300,
-    )
-    if done.returncode < 0 and "gpu\n" not in done.stdout:
-        pytest.skip("no OpenGL here: install libegl1 and libgl1-mesa-dri")
-    assert done.returncode == 0, done.stderr
+    call_where_it_draws(tmp_path, check_all)
 
 
 def test_a_grid_is_read_once_and_let_go(extension: str, tmp_path: Path) -> None:

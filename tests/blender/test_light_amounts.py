@@ -4,15 +4,11 @@
 from __future__ import annotations
 
 import math
-import os
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import bpy
-import gpu
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -21,11 +17,10 @@ from ivg_addon.core.principled import COSINES, Layers, oren_nayar_share, through
 
 from . import light_patches
 from . import material_trees as trees
+from .gpu_child import draws, rendered_by_eevee
 from .stored_grids import store
 
 Float64 = NDArray[np.float64]
-
-ROOT = Path(__file__).resolve().parents[2]
 
 BASE = np.array([0.8, 0.5, 0.2])
 COLOUR = (*BASE, 1.0)
@@ -108,41 +103,10 @@ def test_in_cycles_it_is_albedo_times_irradiance(laid_out: Any, tmp_path: Path) 
     assert (np.abs(found - expected) <= allowed).all(), np.round(found - expected, 4)
 
 
-EEVEE = """
-import sys
-from pathlib import Path
-import bpy
-import gpu
-gpu.init()
-print("gpu", flush=True)
-import numpy as np
-from tests.blender import light_patches
-bpy.ops.wm.open_mainfile(filepath=sys.argv[1])
-bpy.context.scene.render.engine = "BLENDER_EEVEE"
-count = int(sys.argv[3])
-np.save(sys.argv[2], light_patches.rendered(Path(sys.argv[2]).with_suffix(".exr"), count))
-"""
-
-
+@draws
 @pytest.mark.parametrize("laid_out", [slice(2, 5)], indirect=True)
 def test_in_eevee_too(laid_out: Any, tmp_path: Path) -> None:
     """EEVEE writes half floats: 10⁻³ more is allowed."""
-    if not hasattr(gpu, "init"):
-        pytest.skip("the module of this Blender draws only with a window")
     expected, allowed = laid_out
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a.blend"))
-    found = tmp_path / "found.npy"
-    done = subprocess.run(
-        [sys.executable, "-c", EEVEE, str(tmp_path / "a.blend"), str(found), str(len(expected))],
-        cwd=ROOT,
-        env=os.environ | {"BLENDER_USER_RESOURCES": str(tmp_path / "resources")},
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=300,
-    )
-    if "gpu\n" not in done.stdout:
-        pytest.skip("no OpenGL here: install libegl1 and libgl1-mesa-dri")
-    assert done.returncode == 0, done.stderr
-    radiance = np.load(found)
-    assert (np.abs(radiance - expected) <= allowed + 1e-3).all(), np.round(radiance - expected, 4)
+    found = rendered_by_eevee(tmp_path, light_patches.rendered, len(expected))
+    assert (np.abs(found - expected) <= allowed + 1e-3).all(), np.round(found - expected, 4)

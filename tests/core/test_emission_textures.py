@@ -114,7 +114,7 @@ def test_pieces_tile_their_triangle() -> None:
         for _ in range(20_000):
             root, split = np.sqrt(rng.random()), rng.random()
             index = int(rng.integers(divisions**2))
-            t, u, v = place_in_triangle(divisions, index, 1 - root, root * (1 - split), root * split)
+            t, u, v = place_in_triangle(divisions, index, root * (1 - split), root * split)
             assert min(t, u, v) >= -1e-12
             assert abs(t + u + v - 1) < 1e-12
             # Of the triangle the share with 1 − t below r is r²; v/(1 − t) is uniform.
@@ -136,7 +136,7 @@ def test_no_look_up_exceeds_its_bound(extension: str, interpolate: bool, scale: 
     tested = 0
     for piece in rng.integers(len(pieces.triangle), size=2000):
         corner = np.eye(3)[rng.integers(3)] if rng.random() < 0.3 else rng.dirichlet((1, 1, 1))
-        place = place_in_triangle(pieces.divisions[piece], pieces.part[piece], *corner)
+        place = place_in_triangle(pieces.divisions[piece], pieces.part[piece], *corner[1:])
         u, v = np.array(place) @ uvs[pieces.triangle[piece]].astype(np.float64)
         radiance = np.array(sample_texture(pool, 0, u, v)) * EMISSION
         assert radiance.max() <= pieces.bound[piece] * (1 + 1e-6)

@@ -234,7 +234,30 @@ def _on_face(low, high, box, axis, sign, u, v):
 
 
 @merged
-def way_into(low, high, box, ox, oy, oz, dx, dy, dz):
+def through_nested(low, high, box, ox, oy, oz, dx, dy, dz):
+    """Return where on the outermost box a photon starts, three floats, and whether it flies past the next of its box.
+
+    Parameters
+    ----------
+    low, high
+        Corners of the boxes, the outermost first.
+    box
+        Index of the box.
+    ox … dz
+        Where the photon enters it, and its direction.
+    """
+    past = True
+    if box + 1 < len(low):
+        enters, leaves = _way_into(low, high, box + 1, ox, oy, oz, dx, dy, dz)
+        past = enters > leaves
+    if box > 0:
+        enters, leaves = _way_into(low, high, 0, ox, oy, oz, dx, dy, dz)
+        ox, oy, oz = ox + enters * dx, oy + enters * dy, oz + enters * dz
+    return ox, oy, oz, past
+
+
+@merged
+def _way_into(low, high, box, ox, oy, oz, dx, dy, dz):
     """Return where a line enters and leaves a box, in lengths of its direction; it misses where it leaves first."""
     start, end = -math.inf, math.inf
     for axis in range(3):

@@ -109,3 +109,15 @@ class Guide(NamedTuple):
 def pick_leaf(first_leaf, sums, guided, xi):
     """Return the leaf that a uniform number falls on."""
     return first_above(sums, first_leaf[guided], first_leaf[guided + 1] - 1, xi)
+
+
+@merged
+def within_leaf(low, size, leaf, xi_0, xi_1, xi_2, xi_3, xi_4):
+    """Return five uniform numbers, moved into a leaf."""
+    return (
+        low[leaf, 0] + size[leaf, 0] * xi_0,
+        low[leaf, 1] + size[leaf, 1] * xi_1,
+        low[leaf, 2] + size[leaf, 2] * xi_2,
+        low[leaf, 3] + size[leaf, 3] * xi_3,
+        low[leaf, 4] + size[leaf, 4] * xi_4,
+    )

@@ -128,6 +128,8 @@ def _inside(rows: int, columns: int) -> Float64:
 
 
 @merged
-def pick_texel(first, sums, pattern, xi):
-    """Return the texel, counted through all patterns, that a number uniform in (0, 1) falls on."""
-    return first_above(sums, first[pattern], first[pattern + 1] - 1, xi)
+def pick_texel(first, columns, sums, pattern, xi):
+    """Return the texel that a number uniform in (0, 1) falls on, counted through all patterns; its row; its column."""
+    texel = first_above(sums, first[pattern], first[pattern + 1] - 1, xi)
+    row, column = divmod(texel - first[pattern], columns[pattern])
+    return texel, row, column

@@ -15,9 +15,9 @@ from ..lights import NO_PATTERN
 from ..random import STREAM_EMISSION, random4
 from ..scene import NO_TEXTURE, Float32
 from .area import AreaEmitters, emit_area, on_area
-from .distant import Box, SunEmitters, emit_sun, emit_world, way_into
+from .distant import Box, SunEmitters, emit_sun, emit_world, through_nested
 from .environment import MapEmitters, emit_map
-from .guide import Guide, pick_leaf
+from .guide import Guide, pick_leaf, within_leaf
 from .patterns import PatternEmitters, pick_texel
 from .points import PointEmitters, emit_patterned_point, emit_point
 from .search import first_above
@@ -98,8 +98,7 @@ def emit_photons(seed, first_photon, emitters, origins, directions, weights, dar
                 ox, oy, oz, dx, dy, dz, distance, exists = emit_point(emitters.points, light, seed, photon, xi_0, xi_1)
             else:
                 xi, _, _, _ = random4(seed, photon, STREAM_EMISSION + 1)
-                texel = pick_texel(first_texel, texel_sums, pattern, xi)
-                line, column = divmod(texel - first_texel[pattern], columns[pattern])
+                texel, line, column = pick_texel(first_texel, columns, texel_sums, pattern, xi)
                 ox, oy, oz, dx, dy, dz, distance = emit_patterned_point(
                     emitters.points, light, line, rows[pattern], column, columns[pattern], seed, photon, xi_0, xi_1
                 )
@@ -108,11 +107,7 @@ def emit_photons(seed, first_photon, emitters, origins, directions, weights, dar
             if first_sun <= emitter < first_triangle:
                 leaf = pick_leaf(first_leaf, leaf_sums, emitter - first_sun, xi_5)
                 part = leaf_weight[leaf]
-                xi_0 = leaf_low[leaf, 0] + leaf_size[leaf, 0] * xi_0
-                xi_1 = leaf_low[leaf, 1] + leaf_size[leaf, 1] * xi_1
-                xi_2 = leaf_low[leaf, 2] + leaf_size[leaf, 2] * xi_2
-                xi_3 = leaf_low[leaf, 3] + leaf_size[leaf, 3] * xi_3
-                xi_4 = leaf_low[leaf, 4] + leaf_size[leaf, 4] * xi_4
+                xi_0, xi_1, xi_2, xi_3, xi_4 = within_leaf(leaf_low, leaf_size, leaf, xi_0, xi_1, xi_2, xi_3, xi_4)
                 box = (emitter - first_sun) // sources
                 row = emitter - box * sources
             if emitter < first_point:
@@ -120,8 +115,7 @@ def emit_photons(seed, first_photon, emitters, origins, directions, weights, dar
                 if pattern == NO_PATTERN:
                     u, v = on_area(elliptic[emitter], xi_0, xi_1)
                 else:
-                    texel = pick_texel(first_texel, texel_sums, pattern, xi_5)
-                    line, column = divmod(texel - first_texel[pattern], columns[pattern])
+                    texel, line, column = pick_texel(first_texel, columns, texel_sums, pattern, xi_5)
                     u = (column + xi_0) / columns[pattern] - 0.5
                     v = (line + xi_1) / rows[pattern] - 0.5
                     exists = not elliptic[emitter] or u * u + v * v < 0.25
@@ -173,12 +167,7 @@ def emit_photons(seed, first_photon, emitters, origins, directions, weights, dar
                 # At most 1 but for rounding.
                 red, green, blue = min(1.0, share * red), min(1.0, share * green), min(1.0, share * blue)
             if boxes > 1 and exists and first_sun <= emitter < first_triangle:
-                if box + 1 < boxes:
-                    enters, leaves = way_into(box_low, box_high, box + 1, ox, oy, oz, dx, dy, dz)
-                    exists = enters > leaves
-                if box > 0:
-                    enters, leaves = way_into(box_low, box_high, 0, ox, oy, oz, dx, dy, dz)
-                    ox, oy, oz = ox + enters * dx, oy + enters * dy, oz + enters * dz
+                ox, oy, oz, exists = through_nested(box_low, box_high, box, ox, oy, oz, dx, dy, dz)
         if not exists:
             # Out of sight: from the box's far corner away from everything.
             ox, oy, oz = out_x, out_y, out_z
@@ -191,11 +180,8 @@ def emit_photons(seed, first_photon, emitters, origins, directions, weights, dar
         if row <= world:
             red, green, blue = weight[row, 0], weight[row, 1], weight[row, 2]
             if texel >= 0:
-                red, green, blue = (
-                    red * texel_color[texel, 0],
-                    green * texel_color[texel, 1],
-                    blue * texel_color[texel, 2],
-                )
+                r, g, b = texel_color[texel, 0], texel_color[texel, 1], texel_color[texel, 2]
+                red, green, blue = red * r, green * g, blue * b
         _store(weights, i, part * red, part * green, part * blue)
 
 
@@ -225,9 +211,9 @@ def draw_photons(seed, first_photon, emitters, guided, leaf, numbers):
         xi_2, xi_3, xi_4, xi_5 = random4(seed, first_photon + i, STREAM_EMISSION + 1)
         guided[i] = emitter - first_sun
         leaf[i] = pick_leaf(first_leaf, leaf_sums, emitter - first_sun, xi_5)
-        drawn = (xi_0, xi_1, xi_2, xi_3, xi_4)
+        drawn = within_leaf(leaf_low, leaf_size, leaf[i], xi_0, xi_1, xi_2, xi_3, xi_4)
         for number in range(5):
-            numbers[i, number] = leaf_low[leaf[i], number] + leaf_size[leaf[i], number] * drawn[number]
+            numbers[i, number] = drawn[number]
 
 
 @kernel

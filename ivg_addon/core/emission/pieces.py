@@ -201,7 +201,7 @@ def bound_pieces(uvs, triangle, divisions, image, pyramid, offset, width, bound)
                 continue
             x_low, x_high, y_low, y_high = _FARTHEST, -_FARTHEST, _FARTHEST, -_FARTHEST
             for c in range(3):
-                s, p, q = place_in_triangle(n, index, c == 0, c == 1, c == 2)
+                s, p, q = place_in_triangle(n, index, c == 1, c == 2)
                 x = s * u[0] + p * u[1] + q * u[2]
                 y = s * v[0] + p * v[1] + q * v[2]
                 x_low, x_high = min(x_low, x), max(x_high, x)
@@ -216,8 +216,8 @@ def bound_pieces(uvs, triangle, divisions, image, pyramid, offset, width, bound)
 
 
 @inlined
-def place_in_triangle(divisions, index, t, u, v):
-    """Return the barycentric coordinates in a triangle of the point (t, u, v) of one of its pieces."""
+def place_in_triangle(divisions, index, u, v):
+    """Return the barycentric coordinates in a triangle of the point (1 − u − v, u, v) of one of its pieces."""
     row = int(math.sqrt(index + 0.5))
     along = index - row * row
     column = along // 2

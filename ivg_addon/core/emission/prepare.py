@@ -174,26 +174,15 @@ def prepare_emission(scene: Scene, bounds_min: ArrayLike, bounds_max: ArrayLike)
     triangles = TriangleEmitters.of(scene)
     maps = lights.environment
 
-    accepted = acceptance(points)
+    powers, sampled = _powers(lights, points)
     sun_flux = sun_fluxes(lights.sun)
+    powers.append(sun_flux * mean_shadows(lights.sun, box)[:, None])
     world = np.pi * lights.world.astype(np.float64) * 2.0 * box.areas.sum()
-    powers = [
-        area_powers(lights.area),
-        point_powers(lights.point, points, accepted),
-        sun_flux * mean_shadows(lights.sun, box)[:, None],
-    ]
-    # What is emitted, failures included.
-    sampled = [
-        powers[0].copy(),
-        powers[1] / (1.0 - (1.0 - accepted) ** ATTEMPTS)[:, None],
-        sun_flux * suns.largest_shadow[0][:, None],
-    ]
     colors = np.concatenate([*powers, world[None]])
     apply_patterns(lights, powers, sampled)
     falloff = Falloff.of(lights, box)
     if falloff is not None:
-        ends = [len(sampled[0])]
-        for some, most in zip(sampled, np.split(falloff.most, ends), strict=False):
+        for some, most in zip(sampled, np.split(falloff.most, [len(sampled[0])]), strict=True):
             some *= most[:, None]
     in_maps = map_powers(maps, box)
     _check_powers(lights, np.concatenate(powers), [world, *in_maps])
@@ -201,7 +190,7 @@ def prepare_emission(scene: Scene, bounds_min: ArrayLike, bounds_max: ArrayLike)
 
     shadows = zip(suns.largest_shadow, boxes, strict=True)
     surroundings = [_strengths(sun_flux, shadow, lights, one) for shadow, one in shadows]
-    strengths = np.concatenate([*(s.max(axis=1) for s in sampled[:2]), *surroundings, mesh_strengths])
+    strengths = np.concatenate([*(s.max(axis=1) for s in sampled), *surroundings, mesh_strengths])
     cumulative = np.cumsum(strengths)
     if not cumulative[-1] > 0.0:
         raise SceneError(
@@ -238,6 +227,13 @@ def _boxes(scene: Scene, bounds_min: ArrayLike, bounds_max: ArrayLike) -> tuple[
         scene_low, scene_high = scene.geometry.bounds()
         low, high = np.minimum(low, scene_low), np.maximum(high, scene_high)
     return Box.nested(Box.around(low, high), grid)
+
+
+def _powers(lights: Lights, points: PointEmitters) -> tuple[list[Float64], list[Float64]]:
+    """Return the powers of area lights and of points, (n, 3) W each, and the same with photons that fail."""
+    accepted = acceptance(points)
+    powers = [area_powers(lights.area), point_powers(lights.point, points, accepted)]
+    return powers, [powers[0].copy(), powers[1] / (1.0 - (1.0 - accepted) ** ATTEMPTS)[:, None]]
 
 
 def _strengths(sun_flux: Float64, largest_shadow: Float64, lights: Lights, box: Box) -> Float64:

@@ -124,7 +124,7 @@ def measure_pieces(emitters, strengths, power):
         if not per_radiance < math.inf:
             per_radiance = 0.0
         strengths[piece] = per_radiance * pieces.bound[piece]
-        _, t, u = place_in_triangle(pieces.divisions[piece], pieces.part[piece], 1 / 3, 1 / 3, 1 / 3)
+        _, t, u = place_in_triangle(pieces.divisions[piece], pieces.part[piece], 1 / 3, 1 / 3)
         material = pieces.material[piece]
         red = green = blue = 1.0
         if emitters.texture[material] != NO_TEXTURE:
@@ -160,7 +160,7 @@ def emit_triangle(vertices, triangles, of_triangle, sides, divisions, index, pie
 
     # Uniform over the piece: p = (1 − √ξ₀) a + √ξ₀ (1 − ξ₁) b + √ξ₀ ξ₁ c.
     root = math.sqrt(xi_0)
-    t, u, v = place_in_triangle(divisions[piece], index[piece], 1.0 - root, root * (1.0 - xi_1), root * xi_1)
+    t, u, v = place_in_triangle(divisions[piece], index[piece], root * (1.0 - xi_1), root * xi_1)
     px = t * a[0] + u * b[0] + v * c[0]
     py = t * a[1] + u * b[1] + v * c[1]
     pz = t * a[2] + u * b[2] + v * c[2]
