@@ -8,6 +8,7 @@ import os
 import shutil
 import sys
 import tempfile
+import zlib
 from pathlib import Path
 
 import pytest
@@ -34,9 +35,10 @@ def extension() -> str:
     import ivg_addon.core.compiled  # noqa: F401 (it says where this version's kernels are kept)
 
     # Kernels are found again by their file's path and folder: with a link that stays, the next run need not compile.
+    # Checkouts that share an environment have one each.
     os.environ["NUMBA_CACHE_DIR"] = numba.config.CACHE_DIR
-    folder = Path(sys.prefix, "extension-under-test")
-    folder.mkdir(exist_ok=True)
+    folder = Path(sys.prefix, "extension-under-test", f"{zlib.crc32(bytes(ROOT)):08x}")
+    folder.mkdir(parents=True, exist_ok=True)
     link = folder / "irradiance_vector_grid"
     # Several workers share the link: it is put in place in one step.
     fresh = folder / f"link-{os.getpid()}"
