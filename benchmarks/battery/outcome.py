@@ -12,7 +12,7 @@ import bpy
 
 from ..cell_tests import Verdict, compare_cells
 from ..proof import CELLS, LIGHTS, Effort, Light, ask_cycles, bake_scene
-from . import caustics, geometry, lights, reflection, settings, textures, worlds
+from . import bumps, caustics, geometry, lights, reflection, settings, textures, worlds
 from .stage import TESTED, Case
 
 CASES: tuple[Case, ...] = (
@@ -20,6 +20,7 @@ CASES: tuple[Case, ...] = (
     *worlds.CASES,
     *reflection.CASES,
     *textures.CASES,
+    *bumps.CASES,
     *caustics.CASES,
     *geometry.CASES,
     *settings.CASES,

@@ -1,9 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Base colours by image, procedural texture, attribute and coordinate: a floor of them, or many small things.
-
-A Bump node is not among them: its slopes are differences over a ray's footprint, and the rays of Cycles' bakes, which
-are asked for the truth, have none. A bake by Cycles is the same to the bit with the node and without.
-"""
+"""Base colours by image, procedural texture, attribute and coordinate: a floor of them, or many small things."""
 
 from __future__ import annotations
 
@@ -203,11 +199,6 @@ def _two_materials() -> None:
     add_object(TESTED, data, location=(0.0, 0.0, FLOOR))
 
 
-def _normal_map() -> None:
-    tilted = node("NormalMap", Color=(0.8, 0.4, 0.9), Strength=1.0)
-    room(material(TESTED, node("BsdfDiffuse", Color=_SAND, Normal=tilted)))
-
-
 def _coloured(make: Callable[[], Maker]) -> Callable[[], object]:
     return lambda: with_floor(diffuse(make()))()
 
@@ -284,7 +275,6 @@ CASES = (
     Case("texture: attribute of instancers", _instanced),
     Case("texture: attribute of instances", _instanced_by_nodes),
     Case("texture: two materials in a mesh", _two_materials),
-    Case("texture: normal map", _normal_map),
     Case(
         "texture: albedo above 1",
         lambda: (room(), card(material(TESTED, diffuse((1.5, 0.9, 0.2))), 0.45, ABOVE)),

@@ -8,8 +8,10 @@ the file, whatever the user does meanwhile.
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
+from functools import partial
 from typing import Any
 
 import bpy
@@ -81,6 +83,17 @@ def changed(settings: Settings) -> Iterator[None]:
     finally:
         for (owner, name), value in before.items():
             setattr(owner, name, value)
+
+
+@contextmanager
+def bake_into_images() -> Iterator[Callable[..., object]]:
+    """Yield the operator that bakes the active object into the images of its materials.
+
+    It would say, where a terminal listens, that these are not saved: they live as long as the stage.
+    """
+    settings = {"target": "IMAGE_TEXTURES", "save_mode": "INTERNAL", "margin": 0, "use_clear": True}
+    with redirect_stdout(io.StringIO()):
+        yield partial(bpy.ops.object.bake, use_selected_to_active=False, **settings)
 
 
 @contextmanager

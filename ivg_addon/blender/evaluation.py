@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
-from itertools import chain
+from itertools import chain, zip_longest
 from pathlib import Path
 
 import bpy
@@ -25,11 +25,13 @@ from ..core.instancing import Instances
 from ..core.progress import Progress, part
 from ..core.report import Notice
 from .asking import Asker, Find, here
-from .cycles_stage import removed
+from .cycles_stage import bake_into_images, removed
 from .evaluation_cache import Float32, cache_folder, content_key, keep, recall, tree_content
 from .evaluation_mesh import StageArrays, Surroundings, make_mesh, stage_arrays
+from .evaluation_normals import texel_normals
 from .evaluation_tree import StageMaterial
 from .export_materials import Evaluated, Unevaluated
+from .export_sockets import DISPLACEMENT
 from .jobs import PatientSteps, Runner, Steps, in_foreground
 
 _BATCH_TEXELS = 1 << 20
@@ -37,7 +39,7 @@ _BATCH_TEXELS = 1 << 20
 _SAMPLES_IN_ALL = 1 << 21
 """Samples that one step takes, about; each texel's are spread over its area."""
 _FEWEST_SAMPLES, _MOST_SAMPLES = 4, 16
-_VERSION = "1"
+_VERSION = "2"
 """Changes when the same content is evaluated otherwise."""
 
 
@@ -209,8 +211,8 @@ def _find(identity: int) -> bpy.types.Material | None:
 
 def _content(material: bpy.types.Material, entry: Unevaluated, conditions: _Conditions) -> Iterator[bytes]:
     """Return all on which a material's values depend, but for the mesh."""
-    leaves = [(leaf.groups, leaf.node, leaf.socket, leaf.colour, leaf.side) for leaf in entry.tree.leaves]
-    yield f"{_VERSION} {bpy.app.version} {leaves} {material.pass_index}".encode()
+    leaves = [(leaf.groups, leaf.node, leaf.socket, leaf.colour, leaf.normal, leaf.side) for leaf in entry.tree.leaves]
+    yield f"{_VERSION} {bpy.app.version} {leaves} {material.pass_index} {material.displacement_method}".encode()
     tree = material.node_tree
     if entry.tree.needs.animated or tree.animation_data is not None:
         yield f"frame {conditions.frame} {conditions.subframe}".encode()
@@ -262,18 +264,34 @@ def _bake(find: Find, task: str, batch: Sequence[_Work], conditions: _Conditions
             size = (work.plan.atlas.width, work.plan.atlas.height)
             materials.append(StageMaterial(stack, original, work.pending.tree.leaves, size))
             mesh.materials.append(materials[-1].material)
-        covered = [work.plan.atlas.texels()[0] for work in batch]
-        for number in range(max(len(material.passes) for material in materials)):
-            for material in materials:
-                material.show(number)
-            _bake_emission(stage, shown)
-            for material, texels, leaves, work in zip(materials, covered, values, batch, strict=True):
-                if number < len(material.passes):
-                    baked = _pixels(material.image)[texels]
-                    for channel, leaf in enumerate(material.passes[number]):
-                        colour = work.pending.tree.leaves[leaf].colour
-                        leaves[leaf] = baked if colour else np.ascontiguousarray(baked[:, channel : channel + 1])
+        for normals in (False, True):
+            if normals:
+                # As they are at the texels' centres: the mean of many would be less bumpy than each.
+                stage.cycles.samples = 1
+            passes = [material.normal_passes if normals else material.passes for material in materials]
+            for turn in zip_longest(*passes, fillvalue=()):
+                for material, showing in zip(materials, turn, strict=True):
+                    material.show(showing)
+                _bake_emission(stage, shown)
+                for material, showing, work, leaves in zip(materials, turn, batch, values, strict=True):
+                    if showing:
+                        _take(material, showing, work, leaves)
     return values
+
+
+def _take(material: StageMaterial, showing: Sequence[int], work: _Work, leaves: list[Float32]) -> None:
+    """Fill in the values of the leaves that were baked."""
+    sources = work.pending.tree.leaves
+    texels, _ = work.plan.atlas.texels()
+    baked = _pixels(material.image)[texels]
+    for channel, index in enumerate(showing):
+        if sources[index].normal:
+            bent = sources[index].socket == DISPLACEMENT
+            leaves[index] = texel_normals(2.0 * baked - 1.0, work.plan, work.arrays, bent)
+        elif sources[index].colour:
+            leaves[index] = baked
+        else:
+            leaves[index] = np.ascontiguousarray(baked[:, channel : channel + 1])
 
 
 def _set_up(stage: bpy.types.Scene, conditions: _Conditions, texels: int) -> None:
@@ -290,14 +308,14 @@ def _set_up(stage: bpy.types.Scene, conditions: _Conditions, texels: int) -> Non
 
 def _bake_emission(stage: bpy.types.Scene, shown: bpy.types.Object) -> None:
     layer = stage.view_layers[0]
-    with bpy.context.temp_override(
-        scene=stage, view_layer=layer, active_object=shown, object=shown, selected_objects=[shown]
+    with (
+        bpy.context.temp_override(
+            scene=stage, view_layer=layer, active_object=shown, object=shown, selected_objects=[shown]
+        ),
+        bake_into_images() as bake,
     ):
         try:
-            bpy.ops.object.bake(
-                type="EMIT", target="IMAGE_TEXTURES", save_mode="INTERNAL", margin=0, use_clear=True,
-                use_selected_to_active=False,
-            )  # fmt: skip
+            bake(type="EMIT")
         except RuntimeError as error:
             raise SceneError(f"Cycles cannot evaluate materials: {error}") from error
 

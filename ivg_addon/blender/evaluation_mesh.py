@@ -222,8 +222,11 @@ def make_mesh(parts: Sequence[StageArrays]) -> bpy.types.Mesh:
 
 def _part_normals(part: StageArrays) -> Float32:
     """Return a part's normals, flat ones where no material reads them."""
-    if part.normals is not None:
-        return np.ascontiguousarray(part.normals, dtype=np.float32)
+    return flat_normals(part) if part.normals is None else np.ascontiguousarray(part.normals, dtype=np.float32)
+
+
+def flat_normals(part: StageArrays) -> Float32:
+    """Return the unit normals of a part's triangles, at corners (3n, 3)."""
     p = part.positions[part.corner_vertex].reshape(-1, 3, 3)
     flat = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
     length = np.linalg.norm(flat, axis=1, keepdims=True)

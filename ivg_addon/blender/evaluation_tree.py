@@ -17,7 +17,7 @@ from .cycles_stage import removed
 from .export_colours import RAY_THAT_SHADES
 from .export_needs import READS_GENERATED
 from .export_nodes import Output
-from .export_sockets import LeafSource, mean_over_directions
+from .export_sockets import DISPLACEMENT, LeafSource, mean_over_directions
 
 GENERATED, LOCAL, LOCAL_NORMAL = "ivg generated", "ivg local", "ivg local normal"
 LOCATION, COLOUR, INDEX, RANDOM = "ivg location", "ivg colour", "ivg index", "ivg random"
@@ -40,6 +40,8 @@ Groups = tuple[bpy.types.Node, ...]
 class StageMaterial:
     """A copy of a material, for as long as `stack` is open.
 
+    What it can show together is told by `passes`, and `normal_passes` for normals: these as halves of them, and ½.
+
     Parameters
     ----------
     leaves
@@ -54,6 +56,7 @@ class StageMaterial:
         self._stack = stack
         self._sides: list[bpy.types.Node] = []
         self.passes = _passes(leaves)
+        self.normal_passes = [[index] for index, leaf in enumerate(leaves) if leaf.normal]
         self.material = stack.enter_context(removed(bpy.data.materials, original.copy))
         self.material.displacement_method = "BUMP"
         self.material.cycles.emission_sampling = "NONE"
@@ -63,7 +66,10 @@ class StageMaterial:
         self._leaves = leaves
         self._emission = self._tree.nodes.new("ShaderNodeEmission")
         output = self._tree.get_output_node("CYCLES")
+        bent = original.displacement_method == "BUMP"
         for socket in output.inputs:
+            if socket.identifier == DISPLACEMENT and bent:
+                continue  # it bends the normal that all nodes see
             for link in list(socket.links):
                 self._tree.links.remove(link)
         self._tree.links.new(self._emission.outputs[0], output.inputs["Surface"])
@@ -78,17 +84,24 @@ class StageMaterial:
         target.image = self.image
         self._tree.nodes.active = target
 
-    def show(self, number: int) -> None:
-        """Shine with the leaves of one of `passes`, or not at all beyond the last."""
+    def show(self, shown: Sequence[int]) -> None:
+        """Shine with the leaves of one of the passes, or not at all without."""
         colour = self._emission.inputs["Color"]
         for link in list(colour.links):
             self._tree.links.remove(link)
-        if number >= len(self.passes):
+        if not shown:
             colour.default_value = (0.0, 0.0, 0.0, 1.0)
             return
-        shown = self.passes[number]
         for node in self._sides:
             node.outputs[0].default_value = float(self._leaves[shown[0]].side)
+        if self._leaves[shown[0]].normal:
+            # Light is not negative.
+            half = self._tree.nodes.new("ShaderNodeVectorMath")
+            half.operation = "MULTIPLY_ADD"
+            half.inputs[1].default_value = half.inputs[2].default_value = (0.5, 0.5, 0.5)
+            self._tree.links.new(self._sources[shown[0]], half.inputs[0])
+            self._tree.links.new(half.outputs[0], colour)
+            return
         if self._leaves[shown[0]].colour:
             self._tree.links.new(self._sources[shown[0]], colour)
             return
@@ -136,6 +149,8 @@ class StageMaterial:
 
     def _expose(self, leaf: LeafSource) -> bpy.types.NodeSocket:
         """Return an output of the uppermost tree that has the value of a leaf."""
+        if leaf.normal and leaf.socket == DISPLACEMENT:
+            return self._tree.nodes.new("ShaderNodeNewGeometry").outputs["Normal"]
         around = []
         tree = self._tree
         for name in leaf.groups:
@@ -143,7 +158,7 @@ class StageMaterial:
             tree = tree.nodes[name].node_tree
         entry = next(socket for socket in tree.nodes[leaf.node].inputs if socket.identifier == leaf.socket)
         source = next(link for link in entry.links if link.is_valid and not link.is_muted).from_socket
-        kind = "NodeSocketColor" if leaf.colour else "NodeSocketFloat"
+        kind = "NodeSocketVector" if leaf.normal else "NodeSocketColor" if leaf.colour else "NodeSocketFloat"
         for outer, group in reversed(around):
             identifier = tree.interface.new_socket("leaf", in_out="OUTPUT", socket_type=kind).identifier
             end = next(node for node in tree.nodes if node.type == "GROUP_OUTPUT" and node.is_active_output)
@@ -154,8 +169,8 @@ class StageMaterial:
 
 
 def _passes(leaves: Sequence[LeafSource]) -> list[list[int]]:
-    """Return which leaves are shown together: colours alone, numbers of one side three at a time."""
-    passes = [[index] for index, leaf in enumerate(leaves) if leaf.colour]
+    """Return which leaves, but for normals, are shown together: colours alone, numbers of one side three at a time."""
+    passes = [[index] for index, leaf in enumerate(leaves) if leaf.colour and not leaf.normal]
     for side in (0, 1):
         numbers = [index for index, leaf in enumerate(leaves) if not leaf.colour and leaf.side == side]
         passes += [numbers[start : start + 3] for start in range(0, len(numbers), 3)]

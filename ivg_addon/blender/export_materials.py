@@ -35,6 +35,8 @@ from .export_surface import SurfaceTree, read_surface
 
 _DEFAULT_COLOUR = (float(np.float32(0.8)),) * 3
 """To the bit that of a new material."""
+_LOST = 0.02
+"""Share of light whose loss is said."""
 _WRONG = {
     "NaN": "has values that are not numbers: taken as 0",
     "negative": "has negative values: taken as 0",
@@ -250,6 +252,10 @@ class MaterialTable:
             for kind in _WRONG:
                 if kind in wrong:
                     self._notices.append(Notice("warning", f"material '{name}'", _WRONG[kind]))
+            lost = sum(lobe.lost_at_rims() for lobe in shading.lobes)
+            if lost >= _LOST:
+                what = f"smooth reflection by bumps: about {lost:.0%} of the light, seen at grazing angles, is left out"
+                self._notices.append(Notice("simplified", f"material '{name}'", what))
             back = row + 1 if tree.back is not None else row
             self._rows[row + side] = make_row(name, shading, back, quantity)
 

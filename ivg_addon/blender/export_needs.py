@@ -109,7 +109,7 @@ class Needs:
             case "TEX_COORD":
                 self._coordinates(node, name)
             case "UVMAP":
-                self._uv(str(node.uv_map))
+                self.add_uv(str(node.uv_map))
             case "VERTEX_COLOR":
                 self._colour(str(node.layer_name))
             case "ATTRIBUTE":
@@ -126,7 +126,7 @@ class Needs:
                 self.generated = True
             case kind if kind in _TURNS:
                 self.placed = self.shading_normals = True
-                self._uv(str(getattr(node, "uv_map", "")))
+                self.add_uv(str(getattr(node, "uv_map", "")))
             case "LIGHT_PATH" if name in DIFFERS_BY_PATH:
                 self.paths.add(name)
             case "FRESNEL" | "LAYER_WEIGHT":
@@ -182,7 +182,8 @@ class Needs:
         else:
             self.unknown.add(f"attribute '{name}' of {node.attribute_type.lower().replace('_', ' ')}s")
 
-    def _uv(self, name: str) -> None:
+    def add_uv(self, name: str) -> None:
+        """Note that a UV map is read, "" the one that is active for rendering."""
         if name:
             self.attributes.add(name)
         else:

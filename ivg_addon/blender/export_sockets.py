@@ -13,12 +13,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.closures import Leaf, Value
+from ..core.bumps import BENT, MIRRORED, OWN
+from ..core.closures import Leaf, Normal, Value
 from ..core.principled import mean_reflectance
 from .export_colours import LUMINANCE, RAY_THAT_SHADES, Notes
 from .export_images import ImageUse
 from .export_needs import DIFFERS_BY_PATH, Needs, is_undefined, network_needs
 from .export_nodes import Input, Output, follow
+from .export_normals import bends, from_behind, normal_needs, tilting, turns_with_objects
+
+DISPLACEMENT = "Displacement"
+"""The material output's socket by which a surface's own normal is bent."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +37,9 @@ class LeafSource:
     node, socket
         The shader's name, and the identifier of its input.
     colour
-        A colour; else a number.
+        A colour, or a normal; else a number.
+    normal
+        A normal. Of a material's output it is that to which displacement bends the surface's own.
     side
         0 seen from the front, 1 from behind.
     image
@@ -51,6 +58,7 @@ class LeafSource:
     image: ImageUse | None
     fallback: tuple[float, ...]
     name: str
+    normal: bool = False
 
 
 class SocketReader:
@@ -138,6 +146,48 @@ class SocketReader:
                 image=image,
                 fallback=_constant(own, colour),
                 name=name,
+            )
+        return Leaf(list(self._leaves).index(key))
+
+    def normal(self, entry: Input) -> Normal | None:
+        """Return the normal that is linked to a socket, None where it is the surface's own."""
+        found = tilting(entry)
+        if found is None:
+            return None
+        end, output = found
+        if is_undefined(output.node):
+            self.notes.add("warning", f"Normal: node '{output.node.name}' is of an unknown type: ignored, as in Cycles")
+            return None
+        if turns_with_objects(entry):
+            self.notes.add("simplified", "Normal: a map in object space is read as if objects were not turned")
+        return Normal(self._normal_leaf(end, output), from_behind(entry, output))
+
+    def bent_normal(self, displacement: Input) -> Normal | None:
+        """Return the normal to which a material's displacement bends its surface, None without any."""
+        _, output = follow(displacement)
+        if output is None or is_undefined(output.node) or not bends(displacement):
+            return None
+        return Normal(self._normal_leaf(displacement, output), OWN | MIRRORED | BENT)
+
+    def _normal_leaf(self, entry: Input, output: Output) -> Leaf:
+        groups = tuple(str(group.name) for group in output.groups)
+        # What a displacement is linked to is no normal, but may be shown as one elsewhere.
+        bent = entry.socket.identifier == DISPLACEMENT
+        key = ("normal", bent, groups, str(output.node.name), str(output.socket.identifier))
+        if key not in self._leaves:
+            needs = normal_needs(entry)
+            self._note(needs, "Normal")
+            self._needs.update(needs)
+            self._leaves[key] = LeafSource(
+                groups=tuple(str(group.name) for group in entry.groups),
+                node=str(entry.socket.node.name),
+                socket=str(entry.socket.identifier),
+                colour=True,
+                side=0,
+                image=None,
+                fallback=(0.0, 0.0, 1.0),
+                name="Normal",
+                normal=True,
             )
         return Leaf(list(self._leaves).index(key))
 

@@ -4,11 +4,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import bpy
 
-from ..core.closures import Closure, Factor, Value
+from ..core.closures import Closure, Factor, Normal, Value
 from .export_colours import RAY_THAT_SHADES, Notes
 from .export_needs import Needs, is_undefined
 from .export_nodes import Input, Output, follow
@@ -85,6 +85,7 @@ class _SurfaceReader:
         self._notes = notes
         self._omitted: dict[str, None] = {}
         self._path: list[object] = []
+        self._bent: Normal | None = None
 
     def read(self, material: bpy.types.Material) -> tuple[Closure, ...]:
         """Return the closures of a material's tree."""
@@ -95,12 +96,14 @@ class _SurfaceReader:
         surface_input, volume, displacement = (
             Input(node.inputs[name]) for name in ("Surface", "Volume", "Displacement")
         )
+        displaced = material.displacement_method != "BUMP"
+        self._bent = None if displaced else self._sockets.bent_normal(displacement)
         closures = self._closures(surface_input, ())
         if follow(volume)[1] is not None:
             self._omitted["volume"] = None
             if follow(surface_input)[1] is None:
                 closures = (Closure("TRANSPARENT", {"Color": (1.0, 1.0, 1.0)}),)
-        if follow(displacement)[1] is not None and material.displacement_method != "BUMP":
+        if displaced and follow(displacement)[1] is not None:
             self._omitted["displacement"] = None
         if self._omitted:
             self._notes.add("simplified", f"without {', '.join(self._omitted)}")
@@ -160,8 +163,8 @@ class _SurfaceReader:
         return (Closure("EMISSION", self._inputs(output, ("Color",), ("Strength",)), weight),)
 
     def _diffuse(self, output: Output, weight: tuple[Factor, ...]) -> tuple[Closure, ...]:
-        self._turned(output, False)
-        return (Closure("DIFFUSE", self._inputs(output, ("Color",), ("Roughness",)), weight),)
+        inputs = self._inputs(output, ("Color",), ("Roughness",))
+        return (Closure("DIFFUSE", inputs, weight, normal=self._normal(output)),)
 
     def _as_diffuse(self, output: Output, weight: tuple[Factor, ...]) -> tuple[Closure, ...]:
         if output.node.type == "BSDF_TOON" and output.node.component != "DIFFUSE":
@@ -169,41 +172,40 @@ class _SurfaceReader:
             return ()
         words = {"BSDF_TOON": "toon shading", "SUBSURFACE_SCATTERING": "subsurface scattering"}
         self._omitted[f"{words[output.node.type]} (taken as diffuse)"] = None
-        return (Closure("DIFFUSE", {**self._inputs(output, ("Color",)), "Roughness": (0.0,)}, weight),)
+        inputs = {**self._inputs(output, ("Color",)), "Roughness": (0.0,)}
+        return (Closure("DIFFUSE", inputs, weight, normal=self._normal(output)),)
 
     def _glossy(self, output: Output, weight: tuple[Factor, ...]) -> tuple[Closure, ...]:
-        self._turned(output)
         inputs = self._inputs(output, ("Color",), ("Roughness",))
         if output.node.distribution not in ("GGX", "MULTI_GGX"):
             self._omitted[f"its {output.node.distribution.replace('_', ' ').title()} distribution (GGX taken)"] = None
-        return (Closure("GLOSSY", inputs, weight, output.node.distribution == "MULTI_GGX"),)
+        return (self._faceted("GLOSSY", output, inputs, weight),)
 
     def _metallic(self, output: Output, weight: tuple[Factor, ...]) -> tuple[Closure, ...]:
-        self._turned(output)
         numbers = self._inputs(output, (), ("Roughness",))
         if output.node.fresnel_type == "F82":
             colours = self._inputs(output, ("Base Color", "Edge Tint"))
             inputs = {"Color": colours["Base Color"], "Edge Tint": colours["Edge Tint"], **numbers}
         else:
             inputs = {**numbers, **self._inputs(output, ("IOR", "Extinction"))}
-        return (Closure("METALLIC", inputs, weight, output.node.distribution == "MULTI_GGX"),)
+        return (self._faceted("METALLIC", output, inputs, weight),)
 
     def _glass(self, output: Output, weight: tuple[Factor, ...]) -> tuple[Closure, ...]:
-        self._turned(output)
         inputs = self._inputs(output, ("Color",), ("Roughness", "IOR"))
-        return (Closure("GLASS", inputs, weight, output.node.distribution == "MULTI_GGX"),)
+        return (self._faceted("GLASS", output, inputs, weight),)
 
     def _refraction(self, output: Output, weight: tuple[Factor, ...]) -> tuple[Closure, ...]:
-        self._turned(output)
-        return (Closure("REFRACTION", self._inputs(output, ("Color",), ("Roughness", "IOR")), weight),)
+        inputs = self._inputs(output, ("Color",), ("Roughness", "IOR"))
+        return (Closure("REFRACTION", inputs, weight, normal=self._normal(output)),)
 
     def _translucent(self, output: Output, weight: tuple[Factor, ...]) -> tuple[Closure, ...]:
-        return (Closure("TRANSLUCENT", self._inputs(output, ("Color",)), weight),)
+        return (Closure("TRANSLUCENT", self._inputs(output, ("Color",)), weight, normal=self._normal(output)),)
 
     def _sheen(self, output: Output, weight: tuple[Factor, ...]) -> tuple[Closure, ...]:
         if output.node.distribution != "MICROFIBER":
             self._omitted["its Ashikhmin distribution (microfibers taken)"] = None
-        return (Closure("SHEEN", self._inputs(output, ("Color",), ("Roughness",)), weight),)
+        inputs = self._inputs(output, ("Color",), ("Roughness",))
+        return (Closure("SHEEN", inputs, weight, normal=self._normal(output)),)
 
     def _transparent(self, output: Output, weight: tuple[Factor, ...]) -> tuple[Closure, ...]:
         return (Closure("TRANSPARENT", self._inputs(output, ("Color",)), weight),)
@@ -224,22 +226,25 @@ class _SurfaceReader:
             for layer in ("coat", "sheen"):
                 if inputs[f"{layer.title()} Weight"] != (0.0,):
                     self._omitted[f"the directions of light through a {layer} (its mean taken)"] = None
-        self._turned(output, inputs["Metallic"] != (0.0,) or inputs["Transmission Weight"] != (0.0,))
-        return (Closure("PRINCIPLED", inputs, weight, output.node.distribution == "MULTI_GGX"),)
+        coat_normal = None if inputs["Coat Weight"] == (0.0,) else self._normal(output, "Coat Normal")
+        return (replace(self._faceted("PRINCIPLED", output, inputs, weight), coat_normal=coat_normal),)
+
+    def _faceted(self, kind: str, output: Output, inputs: dict[str, Value], weight: tuple[Factor, ...]) -> Closure:
+        """Return the closure of a node that has facets."""
+        self._note_facets(output)
+        return Closure(kind, inputs, weight, output.node.distribution == "MULTI_GGX", self._normal(output))
+
+    def _normal(self, output: Output, name: str = "Normal") -> Normal | None:
+        """Return the normal that a node's socket tells, None where it is the surface's own."""
+        return self._sockets.normal(output.input(name)) or self._bent
 
     def _note_directed(self, weight: tuple[Factor, ...]) -> None:
         """Say that a surface shines towards all directions alike, though its weight depends on them."""
         if any(factor.shape != "CONSTANT" for factor in weight):
             self._omitted["the directions in which it shines by Fresnel or Layer Weight (their mean taken)"] = None
 
-    def _turned(self, output: Output, glossy: bool = True) -> None:
-        """Say which properties of a lobe's normals and facets are not taken into account.
-
-        Bumps leave the diffuse reflection of a surface as it is on average; a normal map may tilt all of it.
-        """
-        _, normal = follow(output.input("Normal"))
-        if normal is not None and (glossy or normal.node.type != "BUMP"):
-            self._omitted["bump or normal map"] = None
+    def _note_facets(self, output: Output) -> None:
+        """Say which properties of a lobe's facets are not taken into account."""
         names = [socket.identifier for socket in output.node.inputs]
         for name, words in _FACETS.items():
             if name in names:

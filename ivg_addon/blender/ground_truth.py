@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The truth about irradiance: Cycles, asked at any points and normals.
 
-A small white quad stands at each point and faces along the normal; Cycles bakes the diffuse light that arrives at it.
+A small white quad stands at each point and faces along the normal; Cycles bakes the diffuse light that arrives at it
+into a texel of its own. (Not into attributes of its corners: rays from these have no footprint, over which Bump nodes
+take their differences, and would see no bumps.)
 No ray but the camera's sees the quads, so they neither shade nor light anything, each other included. (The camera must
 see them, or the bake returns zeros.) A white diffuse surface reflects E/π.
 """
@@ -22,7 +24,7 @@ from ..core.errors import SceneError, SettingsError
 from ..core.metrics import mean_and_error
 from ..core.progress import Progress, finish
 from .asking import Asker, Find, here
-from .cycles_stage import changed, cycles_stage, removed
+from .cycles_stage import bake_into_images, changed, cycles_stage, removed
 from .jobs import PatientSteps, Steps
 
 Float64 = NDArray[np.float64]
@@ -34,8 +36,9 @@ BATCHES = 8
 _HALF_QUAD = 1e-4
 """Half of a quad's edge, as a share of the largest coordinate: enough that rounding does not turn it."""
 _CORNERS = 4
+_WIDTH = 4096
+"""Most texels of a row."""
 _FILTERS = {"INDIRECT": {"INDIRECT"}, "DIRECT": {"DIRECT"}, "ALL": {"DIRECT", "INDIRECT"}}
-_ATTRIBUTE = "irradiance"
 _UNSEEN = ("diffuse", "glossy", "transmission", "volume_scatter", "shadow")
 
 
@@ -105,7 +108,7 @@ def irradiance_steps(
         "INDIRECT": light after at least one bounce, what a grid holds; "DIRECT": straight from lights, emissive
         surfaces and the world; "ALL": both.
     samples
-        Paths per point, in independent batches; rounded up to a multiple of four times their number.
+        Paths per point, in independent batches; rounded up to a multiple of their number.
     bounces
         Most bounces of light before it arrives.
     batches
@@ -122,9 +125,9 @@ def irradiance_steps(
     """
     p, n = _checked(points, normals)
     layer = (view_layer or _view_layer(scene)).name
-    per_corner = max(1, math.ceil(samples / (batches * _CORNERS)))
+    each = max(1, math.ceil(samples / batches))
     seeds = range(batches * seed, batches * (seed + 1))
-    return (yield from ask(_bake_all, lambda: [scene], layer, p, n, component, per_corner, bounces, seeds))
+    return (yield from ask(_bake_all, lambda: [scene], layer, p, n, component, each, bounces, seeds))
 
 
 def _bake_all(
@@ -172,39 +175,44 @@ def bake_irradiance(
     bounces: int,
     seed: int,
 ) -> Float64:
-    """Bake once, `samples` paths at each of a point's four corners; return the irradiance (n, 3)."""
+    """Bake once, `samples` paths at each point; return the irradiance (n, 3)."""
     with (
         cycles_stage(scene, view_layer, samples=samples, bounces=bounces, seed=seed) as (stage, layer),
-        _receivers(stage, points, normals) as receivers,
+        _receivers(stage, points, normals) as (receivers, picture),
         changed({(stage.render.bake, "use_multires"): False}),
         bpy.context.temp_override(
             scene=stage, view_layer=layer, active_object=receivers, object=receivers, selected_objects=[receivers]
         ),
+        bake_into_images() as bake,
     ):
         try:
-            bpy.ops.object.bake(
-                type="DIFFUSE", pass_filter=_FILTERS[component], target="VERTEX_COLORS", use_selected_to_active=False
-            )
+            bake(type="DIFFUSE", pass_filter=_FILTERS[component])
         except RuntimeError as error:
             raise SceneError(f"Cycles cannot bake '{scene.name}': {error}") from error
-        colors = np.empty((len(points), _CORNERS, 4), dtype=np.float32)
-        receivers.data.color_attributes[_ATTRIBUTE].data.foreach_get("color", colors.reshape(-1))
-    return np.asarray(math.pi * colors[:, :, :3].mean(axis=1, dtype=np.float64))
+        colors = np.empty((picture.size[0] * picture.size[1], 4), dtype=np.float32)
+        picture.pixels.foreach_get(colors.reshape(-1))
+    return np.asarray(math.pi * colors[: len(points), :3].astype(np.float64))
 
 
 @contextmanager
-def _receivers(scene: bpy.types.Scene, points: Float64, normals: Float64) -> Iterator[bpy.types.Object]:
-    """Put quads into a scene, as one object."""
+def _receivers(
+    scene: bpy.types.Scene, points: Float64, normals: Float64
+) -> Iterator[tuple[bpy.types.Object, bpy.types.Image]]:
+    """Put quads into a scene, as one object, and yield it with the image of a texel for each."""
     data = bpy.data
     with ExitStack() as stack:
-        material = stack.enter_context(removed(data.materials, _white))
+        width, height = _image_size(len(points))
+        picture = stack.enter_context(
+            removed(data.images, lambda: data.images.new("Receivers", width, height, float_buffer=True, is_data=True))
+        )
+        material = stack.enter_context(removed(data.materials, lambda: _white(picture)))
         mesh = stack.enter_context(removed(data.meshes, lambda: _quads(points, normals)))
         mesh.materials.append(material)
         made = stack.enter_context(removed(data.objects, lambda: data.objects.new("Receivers", mesh)))
         for ray in _UNSEEN:
             setattr(made, f"visible_{ray}", False)
         scene.collection.objects.link(made)
-        yield made
+        yield made, picture
 
 
 def _quads(points: Float64, normals: Float64) -> bpy.types.Mesh:
@@ -224,14 +232,23 @@ def _quads(points: Float64, normals: Float64) -> bpy.types.Mesh:
     mesh.loops.foreach_set("vertex_index", np.arange(_CORNERS * count, dtype=np.int32))
     mesh.polygons.add(count)
     mesh.polygons.foreach_set("loop_start", np.arange(0, _CORNERS * count, _CORNERS, dtype=np.int32))
+    width, height = _image_size(count)
+    row, column = np.divmod(np.arange(count), width)
+    square = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
+    uvs = (np.stack([column, row], axis=1)[:, None] + square) / (width, height)
+    mesh.uv_layers.new(name="Receivers").uv.foreach_set("vector", uvs.astype(np.float32).reshape(-1))
     mesh.update()
-    mesh.color_attributes.new(_ATTRIBUTE, "FLOAT_COLOR", "CORNER")
-    mesh.color_attributes.active_color_index = 0
     return mesh
 
 
-def _white() -> bpy.types.Material:
-    """Return a material that reflects all light diffusely."""
+def _image_size(points: int) -> tuple[int, int]:
+    """Return the width and height of an image with a texel for each point."""
+    width = min(_WIDTH, math.ceil(math.sqrt(points)))
+    return width, math.ceil(points / width)
+
+
+def _white(picture: bpy.types.Image) -> bpy.types.Material:
+    """Return a material that reflects all light diffusely, and is baked into an image."""
     material = bpy.data.materials.new("Receivers")
     tree = material.node_tree
     tree.nodes.clear()
@@ -239,4 +256,7 @@ def _white() -> bpy.types.Material:
     shader.inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
     output = tree.nodes.new("ShaderNodeOutputMaterial")
     tree.links.new(shader.outputs["BSDF"], output.inputs["Surface"])
+    target = tree.nodes.new("ShaderNodeTexImage")
+    target.image = picture
+    tree.nodes.active = target
     return material

@@ -13,7 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .bumps import unit_normals
 from .principled import COSINES, dielectric_curve, facing_curve
+from .shading import OwnNormal
 
 Float64 = NDArray[np.float64]
 
@@ -50,6 +52,14 @@ class Factor:
 
 
 @dataclass(frozen=True)
+class Normal:
+    """A normal that is known later, and what it is: flags of `bumps`."""
+
+    value: Leaf
+    bump: int
+
+
+@dataclass(frozen=True)
 class Closure:
     """One closure of a shader tree.
 
@@ -64,12 +74,16 @@ class Closure:
         Multiplied with each other.
     multiscatter
         See `scene.Lobes`.
+    normal, coat_normal
+        Where they are not the surface's own.
     """
 
     kind: str
     inputs: Mapping[str, Value]
     weight: tuple[Factor, ...] = ()
     multiscatter: bool = False
+    normal: Normal | None = None
+    coat_normal: Normal | None = None
 
 
 @dataclass(frozen=True)
@@ -95,6 +109,10 @@ class Values:
     def share(self, value: Value) -> Float64:
         """Return a number within [0, 1]; 0 where it is none."""
         return np.nan_to_num(np.clip(self(value), 0.0, 1.0))
+
+    def normal(self, normal: Normal | None) -> OwnNormal | None:
+        """Return a closure's normals."""
+        return None if normal is None else OwnNormal(unit_normals(self._leaves[normal.value.index]), normal.bump)
 
     def mean(self, value: Value) -> float:
         """Return the mean of a number."""

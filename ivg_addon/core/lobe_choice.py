@@ -20,6 +20,8 @@ from .lobes import (
     KIND,
     MEAN_FRESNEL,
     NO_VIEW,
+    NORMAL,
+    NORMAL_TEXTURE,
     ROUGHNESS,
     ROUGHNESS_TEXTURE,
     SECOND,
@@ -35,7 +37,7 @@ from .textures import sample_texture
 DIFFUSE = -1
 """Stands for the row of a lobe: a diffuse one that is nothing but a cosine is none of them."""
 
-_REFLECTS, _TRANSMITS = 1, 2
+_REFLECTS, TRANSMITS = 1, 2
 """What a row of the table is asked for: what it sends back, what it lets through, the sum for both."""
 _LEAST_FACTOR = 0.05
 """Facets turned elsewhere than the surface have other Fresnel factors: none is taken for nothing."""
@@ -63,6 +65,12 @@ def look_up_lobes(own, numbers, codes, start, stop, pool, s, t):
         if index != NO_TEXTURE:
             red, _, _ = sample_texture(pool, index, s, t)
             own[lobe, ROUGHNESS] = min(max(numbers[lobe, ROUGHNESS] * red, 0.0), 1.0)
+        index = codes[lobe, NORMAL_TEXTURE]
+        if index != NO_TEXTURE:
+            x, y, z = sample_texture(pool, index, s, t)
+            own[lobe, NORMAL] = numbers[lobe, NORMAL] * x
+            own[lobe, NORMAL + 1] = numbers[lobe, NORMAL + 1] * y
+            own[lobe, NORMAL + 2] = numbers[lobe, NORMAL + 2] * z
 
 
 @merged
@@ -75,13 +83,13 @@ def lobe_color(numbers, lobe, column):
 def _share(numbers, codes, views, lobe, part, front, cosine, w0, w1, w2):
     """Return roughly what a lobe sends on of the weights, in the channel where that is most; 0 only where it is 0.
 
-    `part` is `_REFLECTS`, `_TRANSMITS` or both, `cosine` that of the arriving light to the shading normal, 0 where
+    `part` is `_REFLECTS`, `TRANSMITS` or both, `cosine` that of the arriving light to the shading normal, 0 where
     nothing but transparency counts.
     """
     kind = codes[lobe, KIND]
     diffuse = kind == MATTE or kind == SHEEN
     reflects = part & _REFLECTS != 0 and (kind == GLOSSY or kind == GLASS or diffuse)
-    transmits = part & _TRANSMITS != 0 and kind != GLOSSY and not diffuse
+    transmits = part & TRANSMITS != 0 and kind != GLOSSY and not diffuse
     share = 0.0
     if (reflects or transmits) and (cosine > 0.0 or kind == TRANSPARENT):
         red, green, blue = lobe_color(numbers, lobe, COLOR)
@@ -133,7 +141,7 @@ def pick_lobe(first, codes, numbers, views, near, far, front, cosine, diffuse_sh
     for candidate in range(of_near + of_far):
         met = candidate < of_near
         lobe = first[near] + candidate if met else first[far] + candidate - of_near
-        part = _REFLECTS | _TRANSMITS if near == far else (_REFLECTS if met else _TRANSMITS)
+        part = _REFLECTS | TRANSMITS if near == far else (_REFLECTS if met else TRANSMITS)
         its_share = _share(numbers, codes, views, lobe, part, front, cosine, w0, w1, w2)
         if its_share == 0.0:
             continue
@@ -144,6 +152,25 @@ def pick_lobe(first, codes, numbers, views, near, far, front, cosine, diffuse_sh
         else:
             xi = (xi - odds) / (1.0 - odds)
     return chosen, chosen_part, (share / shares if shares > 0.0 else 0.0), xi
+
+
+@inlined
+def glass_part(part, cosine, ior, front, xi):
+    """Settle whether glass reflects or lets through, where its normal is not the same for both: see `bumps`.
+
+    Returns
+    -------
+    part : int
+        One of the two.
+    odds, xi : float
+        As of `pick_lobe`.
+    """
+    if part != _REFLECTS | TRANSMITS:
+        return part, 1.0, xi
+    odds = min(max(dielectric_reflectance(cosine, ior if front else 1.0 / ior), _LEAST_FACTOR), 1.0 - _LEAST_FACTOR)
+    if xi < odds:
+        return _REFLECTS, odds, xi / odds
+    return TRANSMITS, 1.0 - odds, (xi - odds) / (1.0 - odds)
 
 
 @merged
@@ -185,9 +212,9 @@ def facet_fate(numbers, codes, lobe, part, cosine, eta, xi, w0, w1, w2):
         factor = dielectric_reflectance(cosine, eta)
         red, green, blue = red * factor, green * factor, blue * factor
         a, b, c = a * (1.0 - factor), b * (1.0 - factor), c * (1.0 - factor)
-        transmitted = part == _TRANSMITS
+        transmitted = part == TRANSMITS
         scale = 1.0
-        if part == _REFLECTS | _TRANSMITS:
+        if part == _REFLECTS | TRANSMITS:
             kept, sent = largest_of(w0 * red, w1 * green, w2 * blue), largest_of(w0 * a, w1 * b, w2 * c)
             transmitted = xi * (kept + sent) >= kept
             likely = sent if transmitted else kept

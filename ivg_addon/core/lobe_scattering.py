@@ -16,6 +16,8 @@ with n the index of refraction on either side, and for diffuse lobes (`matte`, `
 
     w' = w π f(o, i) |i·s| / |i·g|.
 
+Lobes that have normals of their own, by bump or normal maps, have these in place of s; `bumps` has what comes with it.
+
 A pane sends what facets reflect to the other side, mirrored. What Cycles takes off a lobe by the direction of view
 (layers above it, mixes by Fresnel) is a factor of o.
 
@@ -34,14 +36,37 @@ instead, so that their mirror image stays above the surface.
 
 from __future__ import annotations
 
+from .bumps import BENT, MIRRORED, MIXED, bumped_facets, placed_normal, softening, valid_normal
 from .compiled import inlined, kernel, merged
-from .lobe_choice import DIFFUSE, facet_fate, largest_of, lobe_color, look_up_lobes, pick_lobe
-from .lobes import BACK_ENERGY, COLOR, FRONT_ENERGY, IOR, KIND, NO_ENERGY, NO_VIEW, ROUGHNESS, SECOND, VIEW
+from .lobe_choice import (
+    DIFFUSE,
+    TRANSMITS,
+    facet_fate,
+    glass_part,
+    largest_of,
+    lobe_color,
+    look_up_lobes,
+    pick_lobe,
+)
+from .lobes import (
+    BACK_ENERGY,
+    BUMP,
+    COLOR,
+    FRONT_ENERGY,
+    IOR,
+    KIND,
+    NO_ENERGY,
+    NO_VIEW,
+    NORMAL,
+    ROUGHNESS,
+    SECOND,
+    VIEW,
+)
 from .matte import SMOOTH, rough_diffuse, view_factor
 from .microfacets import CLEAR, MIRROR_ALPHA, energy_factor, refracted_cosine, shadowing, visible_normal
 from .random import STREAM_SCATTER, random4
 from .scattering import ABSORBED, CUT, ESCAPED, add_energy, store
-from .scene import MATTE, NO_TEXTURE, PANE, SHEEN, TRANSLUCENT, TRANSPARENT
+from .scene import GLASS, GLOSSY, MATTE, NO_TEXTURE, PANE, REFRACTION, SHEEN, TRANSLUCENT, TRANSPARENT
 from .sheen import sheen_shape
 from .surface_bins import BACK, FRONT, patch_of
 from .surfaces import corner, place_at, shading_normal, texture_coordinates
@@ -78,6 +103,13 @@ def _facet(ix, iy, iz, sx, sy, sz, cosine, alpha, u, v):
     tx, ty, tz, bx, by, bz = orthonormal_basis(sx, sy, sz)
     a, b, c = visible_normal(ix * tx + iy * ty + iz * tz, ix * bx + iy * by + iz * bz, cosine, alpha, u, v)
     return a * tx + b * bx + c * sx, a * ty + b * by + c * sy, a * tz + b * bz + c * sz
+
+
+@inlined
+def _is_spread(kind, roughness, ior):
+    """Tell whether a lobe's facets are spread, so that `bumps` can draw them in several ways."""
+    rough = roughness * roughness > MIRROR_ALPHA
+    return rough and (kind == GLOSSY or ((kind == GLASS or kind == REFRACTION) and abs(ior - 1.0) >= CLEAR))
 
 
 @inlined
@@ -178,8 +210,30 @@ def scatter_at_lobes(
         scale, radiance_scale = 1.0 / odds, 1.0
         transmitted = kind == TRANSLUCENT or kind == TRANSPARENT
         ox, oy, oz = -ix, -iy, -iz
-        cos_os = abs(cos_is)
         diffuse = kind == DIFFUSE or kind == MATTE or kind == SHEEN or kind == TRANSLUCENT
+        bump = 0 if kind == DIFFUSE else codes[chosen, BUMP]
+        spread, through = False, False
+        ux, uy, uz = sx, sy, sz
+        if bump != 0:
+            if kind == GLASS:
+                part, odds, xi = glass_part(part, cos_is, float(numbers[chosen, IOR]), front, xi)
+                scale /= odds
+            through = transmitted or kind == REFRACTION or kind == PANE or (kind == GLASS and part == TRANSMITS)
+            nx, ny, nz = _own_normal(
+                numbers, chosen, bump, front, through, sx, sy, sz, vertices, triangles, uvs, triangle
+            )
+            cos_in = ix * nx + iy * ny + iz * nz
+            if diffuse and bump & BENT == 0:
+                scale *= softening(cos_is, sx * nx + sy * ny + sz * nz, cos_in)
+            if bump & BENT != 0:
+                ux, uy, uz = nx, ny, nz
+            sx, sy, sz, cos_is, turned = nx, ny, nz, cos_in, True
+            spread = _is_spread(kind, numbers[chosen, ROUGHNESS], numbers[chosen, IOR])
+            if cos_is <= 0.0 and not spread:
+                add_energy(energy, ABSORBED, w0, w1, w2)
+                bounces[row] = _DEAD
+                continue
+        cos_os = abs(cos_is)
         if transmitted or kind == MATTE or kind == SHEEN:
             f0, f1, f2 = lobe_color(numbers, chosen, COLOR)
         if diffuse:
@@ -200,18 +254,31 @@ def scatter_at_lobes(
         elif kind != TRANSPARENT:
             roughness = float(numbers[chosen, ROUGHNESS])
             eta = float(numbers[chosen, IOR]) if front else 1.0 / float(numbers[chosen, IOR])
-            hx, hy, hz = _facet(ix, iy, iz, sx, sy, sz, cos_is, roughness * roughness, xi_u, xi_v)
-            cos_ih = ix * hx + iy * hy + iz * hz
-            transmitted, f0, f1, f2, m0, m1, m2 = facet_fate(numbers, codes, chosen, part, cos_ih, eta, xi, w0, w1, w2)
-            ox, oy, oz = _image(ix, iy, iz, hx, hy, hz, eta, transmitted)
-            if kind == PANE:
-                transmitted, eta = True, 1.0
-                along = 2.0 * (ox * sx + oy * sy + oz * sz)
-                ox, oy, oz = ox - along * sx, oy - along * sy, oz - along * sz
-            sign = -1.0 if transmitted else 1.0
-            cos_og = sign * (ox * gx + oy * gy + oz * gz)
-            cos_os = sign * (ox * sx + oy * sy + oz * sz) if turned else cos_og
-            scale *= _shadowing(cos_is, cos_ig, cos_os, cos_og, roughness, turned, transmitted and kind != PANE, eta)
+            if spread:
+                ox, oy, oz, cos_ih, cos_os, sent = bumped_facets(
+                    ix, iy, iz, gx, gy, gz, sx, sy, sz, roughness * roughness, eta, through, xi_u, xi_v, xi
+                )
+                scale *= sent
+                transmitted, f0, f1, f2, m0, m1, m2 = facet_fate(
+                    numbers, codes, chosen, part, cos_ih, eta, xi, w0, w1, w2
+                )
+            else:
+                hx, hy, hz = _facet(ix, iy, iz, sx, sy, sz, cos_is, roughness * roughness, xi_u, xi_v)
+                cos_ih = ix * hx + iy * hy + iz * hz
+                transmitted, f0, f1, f2, m0, m1, m2 = facet_fate(
+                    numbers, codes, chosen, part, cos_ih, eta, xi, w0, w1, w2
+                )
+                ox, oy, oz = _image(ix, iy, iz, hx, hy, hz, eta, transmitted)
+                if kind == PANE:
+                    transmitted, eta = True, 1.0
+                    along = 2.0 * (ox * sx + oy * sy + oz * sz)
+                    ox, oy, oz = ox - along * sx, oy - along * sy, oz - along * sz
+                sign = -1.0 if transmitted else 1.0
+                cos_og = sign * (ox * gx + oy * gy + oz * gz)
+                cos_os = sign * (ox * sx + oy * sy + oz * sz) if turned else cos_og
+                scale *= _shadowing(
+                    cos_is, cos_ig, cos_os, cos_og, roughness, turned, transmitted and kind != PANE, eta
+                )
             if transmitted:
                 radiance_scale = 1.0 / (eta * eta)
             table = codes[chosen, FRONT_ENERGY if front != transmitted else BACK_ENERGY]
@@ -221,6 +288,12 @@ def scatter_at_lobes(
                 f2 *= energy_factor(energies, mean_energies, table, roughness, cos_os, m2)
 
         if kind != DIFFUSE and codes[chosen, VIEW] != NO_VIEW:
+            if bump & MIXED != 0:
+                cos_os = abs(ox * ux + oy * uy + oz * uz)
+            elif bump != 0 and diffuse and not transmitted:
+                # What lies above is glossy: it is seen by the normal that it is turned to.
+                hx, hy, hz = valid_normal(gx, gy, gz, ox, oy, oz, sx, sy, sz)
+                cos_os = ox * hx + oy * hy + oz * hz
             m0, m1, m2 = view_factor(views, codes[chosen, VIEW], cos_os)
             f0, f1, f2 = f0 * m0, f1 * m1, f2 * m2
         scale *= radiance_scale
@@ -256,6 +329,26 @@ def scatter_at_lobes(
         if not passes:
             bounces[row] += 1
     return _close_ranks(photons, origins, directions, weights, bounces, dark, waiting, alive, late)
+
+
+@merged
+def _own_normal(numbers, lobe, bump, front, through, sx, sy, sz, vertices, triangles, uvs, triangle):
+    """Return a lobe's normal on the side that light meets; s is the smooth one there. See `bumps`.
+
+    What goes `through` is seen from the other side.
+    """
+    a, b, c = lobe_color(numbers, lobe, NORMAL)
+    side = 1.0 if front else -1.0
+    if front == through and bump & MIRRORED != 0:
+        a, b = -a, -b
+    p = corner(vertices, triangles, triangle, 0)
+    q = corner(vertices, triangles, triangle, 1)
+    r = corner(vertices, triangles, triangle, 2)
+    u0, v0 = float(uvs[triangle, 0, 0]), float(uvs[triangle, 0, 1])
+    u1, v1 = float(uvs[triangle, 1, 0]), float(uvs[triangle, 1, 1])
+    u2, v2 = float(uvs[triangle, 2, 0]), float(uvs[triangle, 2, 1])
+    x, y, z = placed_normal(a, b, c, side * sx, side * sy, side * sz, p, q, r, u0, v0, u1, v1, u2, v2)
+    return side * x, side * y, side * z
 
 
 @merged

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from .microfacets import ENERGY_STEPS_COSINE, ENERGY_STEPS_ROUGHNESS, fill_energy, mean_fresnel_factor
 from .scene import GLASS, GLOSSY, MATTE, NO_TEXTURE, PANE, TRANSPARENT, VIEW_STEPS, Float32, Int32, Lobes, Materials
 
-KIND, FRESNEL, COLOR_TEXTURE, SECOND_TEXTURE, ROUGHNESS_TEXTURE, FRONT_ENERGY, BACK_ENERGY, VIEW = range(8)
+KIND, FRESNEL, COLOR_TEXTURE, SECOND_TEXTURE, ROUGHNESS_TEXTURE, FRONT_ENERGY, BACK_ENERGY, VIEW, BUMP = range(9)
+NORMAL_TEXTURE = 9
 """Columns of `LobeTable.codes`; energy tables are those of the lobe as seen from each side."""
-COLOR, SECOND, UNWEIGHTED, ROUGHNESS, IOR, MEAN_FRESNEL, EDGE = 0, 3, 6, 9, 10, 11, 12
-"""Columns of `LobeTable.numbers`; the first three and the last are colours."""
+COLOR, SECOND, UNWEIGHTED, ROUGHNESS, IOR, MEAN_FRESNEL, EDGE, NORMAL = 0, 3, 6, 9, 10, 11, 12, 15
+"""Columns of `LobeTable.numbers`; the first three and `EDGE` are colours."""
 NO_ENERGY = -1
 """The lobe loses what bounces between its facets."""
 NO_VIEW = -1
@@ -29,7 +30,7 @@ class LobeTable(NamedTuple):
 
     first : (m + 1,) int64
         Row of each material's first lobe; its last is before that of the next material.
-    codes : (l, 8) int32, numbers : (l, 15) float32
+    codes : (l, 10) int32, numbers : (l, 18) float32
         Columns as named above. `UNWEIGHTED` is what turns a colour into one without the lobe's weight.
     scatters : (m,) bool
         The material, or that of its back side, has lobes.
@@ -69,18 +70,24 @@ class LobeTable(NamedTuple):
             np.bincount(lobes.material[lobes.kind == kind], minlength=count) > 0 for kind in (TRANSPARENT, MATTE)
         )
         textures = np.column_stack([lobes.color_texture, lobes.second_texture, lobes.roughness_texture])
-        has_texture = (textures != NO_TEXTURE).any(axis=1)
+        bump = np.zeros_like(lobes.kind) if lobes.bump is None else lobes.bump
+        normal = np.zeros_like(lobes.color) if lobes.normal is None else lobes.normal
+        plain = np.full_like(lobes.kind, NO_TEXTURE)
+        normal_texture = plain if lobes.normal_texture is None else lobes.normal_texture
+        has_texture = (textures != NO_TEXTURE).any(axis=1) | (normal_texture != NO_TEXTURE)
         means = [mean_fresnel_factor(int(shape), float(eta)) for shape, eta in zip(lobes.fresnel, ior, strict=True)]
         weight = np.ones_like(lobes.color) if lobes.weight is None else lobes.weight
         edge = np.zeros_like(lobes.color) if lobes.edge is None else lobes.edge
         view, views = _views(lobes)
         return cls(
             first=first,
-            codes=np.column_stack([lobes.kind, lobes.fresnel, textures, tables, view]).astype(np.int32),
+            codes=np.column_stack([lobes.kind, lobes.fresnel, textures, tables, view, bump, normal_texture]).astype(
+                np.int32
+            ),
             numbers=np.column_stack(
                 [
                     *(lobes.color, lobes.second, np.divide(1.0, weight, out=np.zeros_like(weight), where=weight > 0)),
-                    *(np.clip(lobes.roughness, 0.0, 1.0), ior, np.array(means, dtype=np.float32), edge),
+                    *(np.clip(lobes.roughness, 0.0, 1.0), ior, np.array(means, dtype=np.float32), edge, normal),
                 ]
             ).astype(np.float32),
             scatters=has_lobes | has_lobes[back],

@@ -47,6 +47,8 @@ class LobeRow:
     weight: Float64
     view: Float64 | None = None
     edge: Float64 | None = None
+    normal: Quantity | None = None
+    bump: int = 0
 
 
 @dataclass(frozen=True)
@@ -78,6 +80,8 @@ def make_row(name: str, shading: Shading, back: int, quantity: Callable[[Float64
                 np.broadcast_to(lobe.weight.max(axis=0), 3),  # none of the colours is larger than its weight
                 lobe.view,
                 lobe.edge,
+                None if lobe.normal is None else quantity(lobe.normal),
+                lobe.bump,
             )
             for lobe in shading.lobes
         ),
@@ -150,6 +154,7 @@ def pack_materials(rows: Sequence[MaterialRow]) -> Materials:
     def textures(quantities: Sequence[Quantity]) -> NDArray[np.int32]:
         return np.array([quantity.texture for quantity in quantities], dtype=np.int32)
 
+    normal = [Quantity(np.zeros(3)) if lobe.normal is None else lobe.normal for _, lobe in lobes]
     color, second, roughness = ([getattr(lobe, name) for _, lobe in lobes] for name in ("color", "second", "roughness"))
     return Materials(
         names=tuple(row.name for row in rows),
@@ -174,6 +179,9 @@ def pack_materials(rows: Sequence[MaterialRow]) -> Materials:
             edge=np.array(
                 [np.zeros(3) if lobe.edge is None else lobe.edge for _, lobe in lobes], dtype=np.float32
             ).reshape(-1, 3),
+            bump=np.array([lobe.bump for _, lobe in lobes], dtype=np.int32),
+            normal=colours(normal),
+            normal_texture=textures(normal),
             view=np.array([_tabulated(lobe.view) for _, lobe in lobes], dtype=np.float32).reshape(-1, VIEW_STEPS, 3),
         ),
     )

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from .bumps import unit_normals
 from .closures import Caustics, Closure, Float64, Values, usable_index
 from .metals import tinted_edge
 from .principled import (
@@ -22,7 +23,7 @@ from .principled import (
     through_sheen,
 )
 from .scene import DIELECTRIC, GLASS, GLOSSY, MATTE, SCHLICK, TRANSPARENT
-from .shading import Lobe, Shading, sheen_lobe
+from .shading import Lobe, OwnNormal, Shading, sheen_lobe
 from .thin_walls import thin_wall
 
 _COMBINATIONS = 256
@@ -62,13 +63,14 @@ def shade_principled(closure: Closure, values: Values, weight: Float64, caustics
     ones = np.ones((1, 3))
     emission = inside * values(inputs["Emission Color"]) * values(inputs["Emission Strength"])
     bare = [Lobe(TRANSPARENT, weight * (1.0 - alpha) * ones, weight * (1.0 - alpha) * ones, np.zeros((1, 1)))]
-    bare.append(sheen_lobe(opaque * sheen, sheen_roughness))
+    own, over_coat = values.normal(closure.normal), values.normal(closure.coat_normal)
+    bare.append(sheen_lobe(opaque * sheen, sheen_roughness).turned(_between(own, over_coat, coat)))
     lobes: list[Lobe] = []
     if caustics.reflective:
         dense = max(float(coat_ior.mean()), 1.0)
         over = opaque * coat * under_sheen
         varnish = Lobe(GLOSSY, over * reflectance_of_ior(dense), over, coat_roughness, dense, DIELECTRIC)
-        bare.append(_seen(varnish, through_sheen(means)))
+        bare.append(_seen(varnish, through_sheen(means)).turned(over_coat))
         metal = inside * metallic
         lobes.append(
             Lobe(
@@ -100,8 +102,17 @@ def shade_principled(closure: Closure, values: Values, weight: Float64, caustics
     diffuse = opaque * (1.0 - metallic) * (1.0 - transmission) * below * base
     matte = Lobe(MATTE, diffuse, base, values.share(inputs["Diffuse Roughness"]))
     coated = through_coat(means)
-    bare.append(_seen(matte, through_layers(means)))
-    return Shading(np.zeros((1, 3)), emission, (*bare, *(_seen(lobe, coated) for lobe in lobes)))
+    bare.append(_seen(matte, through_layers(means)).turned(own))
+    return Shading(np.zeros((1, 3)), emission, (*bare, *(_seen(lobe, coated).turned(own) for lobe in lobes)))
+
+
+def _between(first: OwnNormal | None, second: OwnNormal | None, share: Float64) -> OwnNormal | None:
+    """Return the normals between two by a share (k, 1) of the second, as the sheen's are; None is the surface's own."""
+    bump = first.bump if first is not None else second.bump if second is not None else 0
+    if not bump:
+        return None
+    start, end = (np.array([[0.0, 0.0, 1.0]]) if each is None else each.values for each in (first, second))
+    return OwnNormal(unit_normals((1.0 - share) * start + share * end), bump)
 
 
 def _seen(lobe: Lobe, curve: Float64) -> Lobe:

@@ -96,6 +96,8 @@ def _clear(lobes: Lobes) -> dict[str, NDArray[Any]]:
         "fresnel": NONE,
         "multiscatter": False,
         "edge": 0.0,
+        "bump": 0,
+        "normal_texture": NO_TEXTURE,
     }
     columns = {each.name: getattr(lobes, each.name) for each in fields(Lobes)}
     return {

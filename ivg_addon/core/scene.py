@@ -72,7 +72,7 @@ class Texture:
     name
         The image datablock's name.
     pixels : (height, width, 3) float32
-        RGB, not negative, first row at v = 0; linear, or sRGB-encoded where `encoded` says so.
+        RGB, not negative unless it holds normals, first row at v = 0; linear, or sRGB-encoded where `encoded` says so.
     interpolate
         Bilinear; False takes the nearest texel.
     extension
@@ -141,6 +141,12 @@ class Lobes:
     edge : (l, 3) float32, optional
         How far a metal's curve stays behind Schlick's before grazing incidence, or is ahead of it where negative;
         zeros where this is not given.
+    bump : (l,) int32, optional
+        Where the lobe has a normal of its own, what that is: flags of `bumps`. Zeros where this is not given.
+    normal : (l, 3) float32, optional
+        That normal relative to the surface, see `bumps`.
+    normal_texture : (l,) int32, optional
+        A texture that multiplies it, or `NO_TEXTURE`; none has one where this is not given.
     """
 
     material: Int32 = field(default_factory=lambda: _none(kind=np.int32))
@@ -157,6 +163,9 @@ class Lobes:
     weight: Float32 | None = None
     view: Float32 | None = None
     edge: Float32 | None = None
+    bump: Int32 | None = None
+    normal: Float32 | None = None
+    normal_texture: Int32 | None = None
 
 
 VIEW_STEPS = 65

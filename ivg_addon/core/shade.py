@@ -30,7 +30,9 @@ def shade(closures: Iterable[Closure], leaves: Sequence[Float64], caustics: Caus
         part = _shade(closure, values, caustics)
         curve = values.curve(closure.weight)
         emission = emission + part.emission * (COSINE_WEIGHTS @ curve)
-        found += (lobe.seen_by(curve) for lobe in part.lobes)
+        # Those of a Principled BSDF have more than one normal, and know theirs.
+        own = None if closure.kind == "PRINCIPLED" else values.normal(closure.normal)
+        found += (lobe.turned(own).mixed(curve) for lobe in part.lobes)
     lobes = tuple(merged(found))
     matte = [lobe for lobe in lobes if lobe.kind == MATTE]
     albedo = np.asarray(sum((lobe.albedo() for lobe in matte), np.zeros((1, 3))))

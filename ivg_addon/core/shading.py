@@ -9,9 +9,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from .bumps import MIXED
 from .microfacets import MEAN_EDGE
 from .principled import COSINE_WEIGHTS, COSINES, facet_means, mean_reflectance, oren_nayar_share
-from .scene import DIELECTRIC, GLASS, GLOSSY, MATTE, NONE, SCHLICK, SHEEN
+from .scene import DIELECTRIC, GLASS, GLOSSY, MATTE, NONE, SCHLICK, SHEEN, TRANSPARENT
 from .sheen import sheen_reflectance
 
 Float64 = NDArray[np.float64]
@@ -24,8 +25,18 @@ SMOOTH = 1e-5
 """Below this roughness a diffuse lobe is a cosine, in Cycles."""
 _ROUGHNESS = np.linspace(0.0, 1.0, 9)
 """Between these, averages over facets are interpolated."""
+_ROUGH_RIM = 0.3
+"""From this roughness on next to nothing is lost at the rims of bumps."""
 _SHEEN_STEPS = 65
 """Between so many roughnesses, what sheen reflects of even light is interpolated."""
+
+
+@dataclass(frozen=True)
+class OwnNormal:
+    """Normals (k, 3) of lobes, and what they are; see `bumps`."""
+
+    values: Float64
+    bump: int
 
 
 @dataclass(frozen=True)
@@ -41,6 +52,10 @@ class Lobe:
         At `principled.COSINES`, the same at all points; None where it is 1.
     edge : (3,)
         The same at all points; None where it is 0.
+    normal : (k, 3)
+        Relative, see `bumps`; None where it is the surface's own.
+    bump
+        What that normal is: flags of `bumps`.
     """
 
     kind: int
@@ -53,6 +68,8 @@ class Lobe:
     weight: Float64 = field(default_factory=lambda: np.ones((1, 1)))
     view: Float64 | None = None
     edge: Float64 | None = None
+    normal: Float64 | None = None
+    bump: int = 0
 
     def albedo(self) -> Float64:
         """Return the share of light from all sides, (k, 3), that it does not absorb."""
@@ -85,9 +102,28 @@ class Lobe:
         view = np.divide(product, mean, out=np.ones_like(product), where=mean > 0.0)
         return replace(self.scaled(mean[None]), view=view)
 
+    def mixed(self, curve: Float64) -> Lobe:
+        """Return it as a mix by the direction of view leaves it, which goes by the surface's own normal."""
+        seen = self.seen_by(curve)
+        alone = self.view is None and seen.view is not None and self.normal is not None
+        return replace(seen, bump=self.bump | MIXED) if alone else seen
+
+    def turned(self, to: OwnNormal | None) -> Lobe:
+        """Return it with a normal of its own; light goes straight on whatever the normal is."""
+        return self if to is None or self.kind == TRANSPARENT else replace(self, normal=to.values, bump=to.bump)
+
+    def lost_at_rims(self) -> float:
+        """Return about what share of light is lost where smooth facets are tilted; see `bumps`."""
+        if self.normal is None or self.kind not in (GLOSSY, GLASS):
+            return 0.0
+        smooth = np.clip(1.0 - self.roughness / _ROUGH_RIM, 0.0, 1.0)
+        lost = smooth * (1.0 - self.normal[:, 2:] ** 2) * self.albedo().max(axis=1, keepdims=True)
+        return float(np.nan_to_num(lost).mean())
+
     def is_cosine(self) -> bool:
         """Tell whether it is a diffuse lobe that is nothing but a cosine."""
-        return self.kind == MATTE and self.view is None and bool((self.roughness < SMOOTH).all())
+        even = self.view is None and self.normal is None
+        return self.kind == MATTE and even and bool((self.roughness < SMOOTH).all())
 
 
 @dataclass(frozen=True)
@@ -175,7 +211,9 @@ def merged(lobes: Iterable[Lobe]) -> Iterator[Lobe]:
         view = None if lobe.view is None else lobe.view.tobytes()
         own = lobe.second.tobytes() if lobe.kind == MATTE and (lobe.roughness >= SMOOTH).any() else None
         edge = None if lobe.edge is None else lobe.edge.tobytes()
-        key = (lobe.kind, lobe.ior, lobe.fresnel, lobe.multiscatter, lobe.roughness.tobytes(), view, own, edge)
+        normal = None if lobe.normal is None else (lobe.normal.tobytes(), lobe.bump)
+        shape = (lobe.kind, lobe.ior, lobe.fresnel, lobe.multiscatter)
+        key = (*shape, lobe.roughness.tobytes(), view, own, edge, normal)
         if key in groups:
             other = groups[key]
             lobe = replace(

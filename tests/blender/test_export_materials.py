@@ -9,7 +9,7 @@ import pytest
 
 from ivg_addon.core.principled import Layers, diffuse_share, oren_nayar_share
 from ivg_addon.core.scene import DIELECTRIC, GLASS, GLOSSY, MATTE, NONE, SCHLICK, TRANSPARENT
-from tests.blender.evaluation_scenes import node_output
+from tests.blender.evaluation_scenes import node_output, through
 from tests.blender.export_scenes import (
     add_object,
     bake_diffuse_colour,
@@ -193,19 +193,19 @@ def test_volume_domain_does_not_block_light() -> None:
     assert said(scene) == ["simplified: without volume"]
 
 
-def test_a_normal_map_is_named() -> None:
-    for kind in ("BsdfDiffuse", "BsdfPrincipled"):
-        scene = export(surface(shader(kind, Normal=node_output("NormalMap", "Normal"))))
-        assert said(scene) == ["simplified: without bump or normal map"]
-
-
-def test_bump_does_not_change_what_a_diffuse_surface_reflects() -> None:
+def test_what_tilts_no_normal_is_read_directly() -> None:
     def build(tree: Tree, output: Node) -> None:
-        bump = shader("Bump")
+        bump = shader("Bump", Normal=node_output("NormalMap", "Normal"))
         surface(shader("BsdfDiffuse", Color=RED, Roughness=0.0, Normal=bump))(tree, output)
         tree.links.new(tree.nodes.new("ShaderNodeDisplacement").outputs[0], output.inputs["Displacement"])
 
     expect(build, RED)
+
+
+def test_a_normal_map_in_object_space_is_named() -> None:
+    tilted = through("NormalMap", "Color", node_output("RGB", "Color"), "Normal", space="OBJECT")
+    scene = export(surface(shader("BsdfDiffuse", Color=RED, Roughness=0.0, Normal=tilted)))
+    assert "simplified: Normal: a map in object space is read as if objects were not turned" in said(scene)
 
 
 def test_no_output_node() -> None:

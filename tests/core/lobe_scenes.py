@@ -34,6 +34,8 @@ def lobe(
     roughness_texture: int = NO_TEXTURE,
     view: ArrayLike = 1.0,
     edge: ArrayLike = 0.0,
+    bump: int = 0,
+    normal: ArrayLike = (0.0, 0.0, 1.0),
 ) -> Lobes:
     """Return one lobe; `view` broadcasts to (VIEW_STEPS, 3)."""
 
@@ -57,6 +59,9 @@ def lobe(
         multiscatter=row(multiscatter, np.bool_),
         weight=colour(weight),
         edge=colour(edge),
+        bump=row(bump, np.int32),
+        normal=colour(normal),
+        normal_texture=row(NO_TEXTURE, np.int32),
         view=np.broadcast_to(np.asarray(view, dtype=np.float32), (1, VIEW_STEPS, 3)).copy(),
     )
 
