@@ -127,7 +127,11 @@ def _add(material: bpy.types.Material, image: bpy.types.Image, filled: set[bpy.t
             cure = "make the group local"
             yield Notice("left out", subject, f"node group '{tree.name}' is linked and gets no light: {cure}")
         elif kind and tree not in filled:
-            trees.setdefault(tree, _Insertion(tree, image)).add(output, kind)
+            if tree not in trees:
+                # A group that other materials use has kept its light.
+                _clear(tree)
+                trees[tree] = _Insertion(tree, image)
+            trees[tree].add(output, kind)
         elif output.node.type in _UNLIT:
             yield Notice("simplified", subject, f"{output.label} {_UNLIT[output.node.type]}")
     filled.update(trees)
