@@ -6,6 +6,7 @@ from __future__ import annotations
 import bpy
 
 from ..ivg_addon.blender import scene_light
+from ..ivg_addon.blender.properties import light_from_property
 from ..ivg_addon.core.errors import IvgError
 from .needs import poll_grid, poll_no_render
 from .which_objects import which_objects
@@ -20,7 +21,10 @@ class IVG_OT_materials_add(bpy.types.Operator):
         "Let materials have the indirect light of the scene's grid, or bring it up to date where they were edited"
     )
     bl_options = {"REGISTER", "UNDO"}
-    __annotations__ = {"objects": which_objects("Objects whose materials get the light")}
+    __annotations__ = {
+        "objects": which_objects("Objects whose materials get the light"),
+        "light_from": light_from_property({"SKIP_SAVE"}),
+    }
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -28,9 +32,11 @@ class IVG_OT_materials_add(bpy.types.Operator):
         return poll_grid(cls, context) and poll_no_render(cls)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Add it, and name what has none."""
+        """Add it, and name what has none; what was not given is then in the redo panel as it was taken."""
+        if not self.properties.is_property_set("light_from"):
+            self.light_from = context.scene.ivg.light_from
         try:
-            lit = scene_light.add(context, self.objects == "SELECTED")
+            lit = scene_light.add(context, self.objects == "SELECTED", self.light_from)
         except IvgError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

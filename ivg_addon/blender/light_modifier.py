@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import bpy
 
@@ -17,7 +18,7 @@ from . import grid_volume
 from .bounds import reaches_out
 from .grid_image import box, named
 from .marks import KEY, bears
-from .modifier_nodes import BIAS, FORMAT, GRID, NAME, UNREADABLE, VERSION, make_group
+from .modifier_nodes import ATTRIBUTE, BIAS, FORMAT, GRID, NAME, STORED, UNREADABLE, VERSION, make_group
 
 TYPES = frozenset({"MESH", "CURVE", "FONT", "CURVES", "POINTCLOUD"})
 """Of objects that can have the modifier, and that light falls on."""
@@ -116,6 +117,16 @@ def of(target: bpy.types.Object) -> bpy.types.NodesModifier | None:
     return next((each for each in target.modifiers if each.type == "NODES" and _is_ours(each.node_group)), None)
 
 
+def stores(target: bpy.types.Object, image: bpy.types.Image) -> bool:
+    """Tell whether an object's modifier stores the light of a grid in renders, where materials look for it."""
+    modifier = of(target)
+    if modifier is None or not modifier.show_render or modifier.node_group[KEY].get("version") != VERSION:
+        return False
+    grid = _get(modifier, GRID)
+    reads = grid is not None and grid.data is not None and grid.data == grid_volume.volume_of(image)
+    return reads and _get(modifier, STORED) == ATTRIBUTE
+
+
 def in_use() -> bool:
     """Tell whether any object has the modifier; fast enough for drawing."""
     return any(_is_ours(tree) and tree.users > 0 for tree in bpy.data.node_groups)
@@ -182,7 +193,7 @@ def _set(modifier: bpy.types.NodesModifier, name: str, value: object) -> None:
         modifier[key] = value
 
 
-def _get(modifier: bpy.types.NodesModifier, name: str) -> bpy.types.Object | None:
+def _get(modifier: bpy.types.NodesModifier, name: str) -> Any:
     """Return the value of an input of the modifier."""
     key = _identifier(modifier, name)
     return getattr(modifier.properties.inputs, key).value if _as_properties(modifier) else modifier.get(key)

@@ -2,14 +2,14 @@
 """A grid's light in materials: put in beside every BSDF that reflects diffusely, and taken out without a trace.
 
 One node follows such a BSDF, wherever in the tree or in a group of it that is: it adds ρ/π E (light_groups.py). So
-mixes weight the light as they weight the BSDF. It reads what the BSDF's own inputs read, and E of a grid at the BSDF's
-normal (irradiance_nodes.py). Nothing else is changed: to take the light out is to link what comes into these nodes to
-what they go to, whatever has become of the tree meanwhile.
+mixes weight the light as they weight the BSDF. It reads what the BSDF's own inputs read, and E: of a grid at the BSDF's
+normal (irradiance_nodes.py), or as the modifier "IVG Light" has stored it. Nothing else is changed: to take the light
+out is to link what comes into these nodes to what they go to, whatever has become of the tree meanwhile.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 
 import bpy
 
@@ -18,9 +18,10 @@ from .export_nodes import ADDED, Input, Output, follow
 from .irradiance_formula import BESIDE, OPEN, WALLS
 from .light_groups import INPUTS, is_light_group, light_group
 from .marks import bears
+from .modifier_nodes import ATTRIBUTE
 
 KEY = "ivg_light"
-"""Of a material that has the light: which grid's, and how Cycles sampled its emission before."""
+"""Of a material that has the light: which grid's, whether as stored, and how Cycles sampled its emission before."""
 
 _DIFFUSE = {
     "BSDF_DIFFUSE": "DIFFUSE",
@@ -50,34 +51,53 @@ def has_light(material: bpy.types.Material) -> bool:
     return KEY in material
 
 
+def takes_stored(material: bpy.types.Material) -> bool:
+    """Tell whether a material has the light that the modifier has stored, and looks nothing up."""
+    return has_light(material) and bool(material[KEY].get("stored"))
+
+
 def lit_materials() -> list[bpy.types.Material]:
     """Return the file's own materials that have a grid's light."""
     return [material for material in bpy.data.materials if has_light(material) and not material.library]
 
 
-def add_light(materials: Iterable[bpy.types.Material], image: bpy.types.Image) -> tuple[Notice, ...]:
+def add_light(
+    materials: Iterable[bpy.types.Material], image: bpy.types.Image, stored: Collection[bpy.types.Material] = ()
+) -> tuple[Notice, ...]:
     """Add a grid's light to materials, in place of a grid's that they have; return what is to be said.
 
     What its BSDFs' inputs read is read anew: so this brings the light up to date with a material that was edited.
+
+    Parameters
+    ----------
+    stored
+        Those that take E from the attribute of the modifier "IVG Light". A node group that others use too looks the
+        grid up for all of them.
 
     Raises
     ------
     GridFileError
         The grid cannot be read by nodes; then nothing was changed.
     """
-    from .irradiance_nodes import irradiance_group
-
-    irradiance_group(image)
     chosen = []
     notices = []
     for material in materials:
         wrong = _problem(material)
         notices += [Notice("left out", f"material '{material.name}'", wrong)] if wrong else []
         chosen += [] if wrong else [material]
+    looks_up = [material for material in chosen if material not in stored]
+    looks_up += [each for each in lit_materials() if each not in chosen and not takes_stored(each)]
+    looking = {tree for material in looks_up for tree in _trees(material.node_tree)}
+    if any(tree in looking for material in chosen for tree in _trees(material.node_tree)):
+        from .irradiance_nodes import irradiance_group
+
+        irradiance_group(image)
     remove_light(chosen)
     filled: set[bpy.types.NodeTree] = set()
     for material in chosen:
-        notices += _add(material, image, filled)
+        notices += _add(material, image, looking, filled)
+        if has_light(material):
+            material[KEY]["stored"] = material in stored
     _remove_unused()
     return merge(notices)
 
@@ -113,8 +133,21 @@ def _problem(material: bpy.types.Material) -> str:
     return ""
 
 
-def _add(material: bpy.types.Material, image: bpy.types.Image, filled: set[bpy.types.NodeTree]) -> Iterator[Notice]:
-    """Add light to a material that has none; `filled` are groups that have got it just now, and those that get it."""
+def _add(
+    material: bpy.types.Material,
+    image: bpy.types.Image,
+    looking: set[bpy.types.NodeTree],
+    filled: set[bpy.types.NodeTree],
+) -> Iterator[Notice]:
+    """Add light to a material that has none.
+
+    Parameters
+    ----------
+    looking
+        Trees in which the grid is looked up.
+    filled
+        Groups that have got the light just now, and here those that get it.
+    """
     found = _surfaces(material.node_tree)
     trees: dict[bpy.types.NodeTree, _Insertion] = {}
     lit = False
@@ -127,7 +160,11 @@ def _add(material: bpy.types.Material, image: bpy.types.Image, filled: set[bpy.t
             cure = "make the group local"
             yield Notice("left out", subject, f"node group '{tree.name}' is linked and gets no light: {cure}")
         elif kind and tree not in filled:
-            trees.setdefault(tree, _Insertion(tree, image)).add(output, kind)
+            if tree not in trees:
+                # A group that other materials use has kept its light.
+                _clear(tree)
+                trees[tree] = _Insertion(tree, image if tree in looking else None)
+            trees[tree].add(output, kind)
         elif output.node.type in _UNLIT:
             yield Notice("simplified", subject, f"{output.label} {_UNLIT[output.node.type]}")
     filled.update(trees)
@@ -173,37 +210,67 @@ def _shines(output: Output) -> bool:
 
 
 class _Insertion:
-    """Puts the light of a grid into one tree; BSDFs with the same normal share a look-up."""
+    """Puts light into one tree: a grid's, where BSDFs with the same normal share a look-up, or without one the stored.
 
-    def __init__(self, tree: bpy.types.NodeTree, image: bpy.types.Image) -> None:
+    What is stored is for the normal of the geometry: bumps cannot turn it.
+    """
+
+    def __init__(self, tree: bpy.types.NodeTree, image: bpy.types.Image | None) -> None:
         self._tree = tree
-        from .irradiance_nodes import irradiance_group
-
-        self._look_up = irradiance_group(image)
-        self._look_ups: dict[bpy.types.NodeSocket | None, bpy.types.Node] = {}
+        self._image = image
+        self._sources: dict[bpy.types.NodeSocket | None, dict[str, bpy.types.NodeSocket]] = {}
 
     def add(self, output: Output, kind: str) -> None:
         """Put a light group between a BSDF and all that it goes to."""
         bsdf = output.node
         after = [(link.to_socket, link.is_muted) for link in output.socket.links]
-        light = self._new(light_group(kind), bsdf, 40.0)
+        light = self._group(light_group(kind), bsdf, 40.0)
         for name in INPUTS[kind]:
             self._read(bsdf, name, light)
-        normal = _source(bsdf.inputs["Normal"]) if "Normal" in bsdf.inputs else None
-        if normal not in self._look_ups:
-            self._look_ups[normal] = self._new(self._look_up, bsdf, -200.0)
-            if normal is not None:
-                self._tree.links.new(normal, self._look_ups[normal].inputs["Normal"])
-        for name in (OPEN, BESIDE, WALLS):
-            self._tree.links.new(self._look_ups[normal].outputs[name], light.inputs[name])
+        for name, source in self._irradiance(bsdf).items():
+            self._tree.links.new(source, light.inputs[name])
         for socket, muted in after:
             self._tree.links.new(light.outputs["BSDF"], socket).is_muted = muted
         self._tree.links.new(output.socket, light.inputs["BSDF"])
 
-    def _new(self, group: bpy.types.ShaderNodeTree, bsdf: bpy.types.Node, above: float) -> bpy.types.Node:
-        """Add a node that is a group, collapsed, by a BSDF."""
-        node = self._tree.nodes.new("ShaderNodeGroup")
+    def _irradiance(self, bsdf: bpy.types.Node) -> dict[str, bpy.types.NodeSocket]:
+        """Return what inputs of a BSDF's light group read: E of either way to look it up, and which of them counts.
+
+        Where the last is not given, it is that in the open.
+        """
+        if self._image is None:
+            normal = None
+        else:
+            normal = _source(bsdf.inputs["Normal"]) if "Normal" in bsdf.inputs else None
+        if normal not in self._sources:
+            stored = self._image is None
+            self._sources[normal] = self._stored(bsdf) if stored else self._looked_up(bsdf, normal)
+        return self._sources[normal]
+
+    def _looked_up(self, bsdf: bpy.types.Node, normal: bpy.types.NodeSocket | None) -> dict[str, bpy.types.NodeSocket]:
+        """Return E of the grid at a BSDF's normal."""
+        from .irradiance_nodes import irradiance_group
+
+        node = self._group(irradiance_group(self._image), bsdf, -200.0)
+        if normal is not None:
+            self._tree.links.new(normal, node.inputs["Normal"])
+        return {name: node.outputs[name] for name in (OPEN, BESIDE, WALLS)}
+
+    def _stored(self, bsdf: bpy.types.Node) -> dict[str, bpy.types.NodeSocket]:
+        """Return E as the modifier has stored it."""
+        node = self._new("ShaderNodeAttribute", bsdf, -200.0)
+        node.attribute_name = ATTRIBUTE
+        return {OPEN: node.outputs["Color"]}
+
+    def _group(self, group: bpy.types.ShaderNodeTree, bsdf: bpy.types.Node, above: float) -> bpy.types.Node:
+        """Add a node that is a group."""
+        node = self._new("ShaderNodeGroup", bsdf, above)
         node.node_tree = group
+        return node
+
+    def _new(self, kind: str, bsdf: bpy.types.Node, above: float) -> bpy.types.Node:
+        """Add a node, collapsed, by a BSDF."""
+        node = self._tree.nodes.new(kind)
         node[ADDED] = True
         node.select = False
         node.hide = True
@@ -244,7 +311,7 @@ def _clear(tree: bpy.types.NodeTree) -> None:
     """Remove what was added to a tree, and link what came into it to what it went to."""
     added = [node for node in tree.nodes if node.get(ADDED)]
     for node in added:
-        if node.node_tree is None or not is_light_group(node.node_tree):
+        if node.type != "GROUP" or node.node_tree is None or not is_light_group(node.node_tree):
             continue
         before = next((link.from_socket for link in node.inputs["BSDF"].links), None)
         for socket, muted in [(link.to_socket, link.is_muted) for link in node.outputs["BSDF"].links]:

@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+from itertools import islice
+
 import bpy
 
-from . import direct_light, material_light, scene_light, staleness
+from . import direct_light, material_light, scene_light, staleness, stored_light
 from .grid_image import box, is_grid
-from .panels import RenderPanel, draw_wrapped
+from .panels import MOST_LOOKED_AT, MOST_SAID, RenderPanel, draw_wrapped
 
 _outside: tuple[tuple[object, ...], str] = ((), "")
 """What objects outside of the grid were last, and for what: asked at every redraw."""
@@ -24,6 +26,10 @@ class IVG_PT_materials(RenderPanel, bpy.types.Panel):
         layout = self.layout
         scene = context.scene
         lit = material_light.lit_materials()
+        choice = layout.column()
+        choice.use_property_split = True
+        choice.use_property_decorate = False
+        choice.row(align=True).prop(scene.ivg, "light_from", expand=True)
         row = layout.row(align=True)
         row.operator("ivg.materials_add", text="Add Light", icon="ADD")
         row.operator("ivg.materials_remove", text="Remove", icon="REMOVE")
@@ -39,6 +45,9 @@ class IVG_PT_materials(RenderPanel, bpy.types.Panel):
             told = _outside_message(scene)
             if lit and told:
                 draw_wrapped(layout, context, told, icon="INFO")
+        selected = islice(context.selected_objects, MOST_LOOKED_AT)
+        for problem in islice(stored_light.problems(selected, material_light.takes_stored), MOST_SAID):
+            draw_wrapped(layout, context, problem, icon="ERROR")
         if direct_light.is_direct_only(scene):
             layout.operator("ivg.direct_only_end", text="Switch Indirect Light Back On", icon="LOOP_BACK")
         else:

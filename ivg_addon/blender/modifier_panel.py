@@ -9,11 +9,7 @@ import bpy
 
 from . import grid_image, light_modifier
 from .modifier_nodes import ATTRIBUTE
-from .panels import RenderPanel, draw_wrapped
-
-_MOST_LOOKED_AT = 100
-"""Selected objects whose modifiers are looked at whenever the panel is drawn."""
-_MOST_SAID = 3
+from .panels import MOST_LOOKED_AT, MOST_SAID, RenderPanel, draw_wrapped
 
 
 class IVG_PT_modifier(RenderPanel, bpy.types.Panel):
@@ -31,13 +27,15 @@ class IVG_PT_modifier(RenderPanel, bpy.types.Panel):
             row.operator("ivg.modifier_add", text=f"Light {text} Objects", icon="GEOMETRY_NODES").objects = objects
             row.operator("ivg.modifier_remove", text="", icon="X").objects = objects
         if light_modifier.in_use():
-            text = f"Irradiance is in the colour attribute '{ATTRIBUTE}': materials read it by an Attribute node"
+            button = layout.operator("ivg.materials_add", text="Use in Materials of Selected", icon="MATERIAL")
+            button.objects, button.light_from = "SELECTED", "MODIFIER"
+            text = f"Irradiance is in the colour attribute '{ATTRIBUTE}'"
             draw_wrapped(layout, context, text, icon="INFO")
         image = context.scene.ivg.grid
         if image is not None and grid_image.version_problem(image):
             return
-        found = light_modifier.problems(image, islice(context.selected_objects, _MOST_LOOKED_AT))
-        for problem in islice(found, _MOST_SAID):
+        found = light_modifier.problems(image, islice(context.selected_objects, MOST_LOOKED_AT))
+        for problem in islice(found, MOST_SAID):
             draw_wrapped(layout, context, problem, icon="ERROR")
 
 

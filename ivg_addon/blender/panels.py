@@ -18,6 +18,10 @@ NOTICE_ICONS = {"simplified": "INFO", "left out": "CANCEL", "warning": "ERROR"}
 UNSAVED = "This file was never saved: the grid is kept in the extension's own folder"
 _LABEL_SHARE = 0.4
 """Of a panel's width, as Blender splits names and values of properties."""
+MOST_LOOKED_AT = 100
+"""Selected objects that are looked at whenever a panel is drawn."""
+MOST_SAID = 3
+"""Problems of theirs that a panel tells."""
 LINE_SCALE = 0.8
 """Height of a line of text, of a button's."""
 _CHARACTER_WIDTH = 5.7

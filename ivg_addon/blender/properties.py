@@ -64,6 +64,16 @@ DIRECTIONAL_INTERPOLATIONS = (
     ("LEAST_SQUARES", "Least Squares", "Best fit of the six vectors to the normal's cosine", 0),
     ("REPORT", "Report", "The formula as printed in INRIA RR-6983: too dark between the axes", 1),
 )
+LIGHT_FROM = (
+    ("GRID", "Grid", "Look the grid up wherever a surface is shaded, with bump and normal maps", 0),
+    (
+        "MODIFIER",
+        "Modifier",
+        "Take what the modifier IVG Light has stored at the points of objects: faster, but received along the normals "
+        "of the geometry, without bump and normal maps. Materials that other objects show too look the grid up",
+        1,
+    ),
+)
 
 
 def settings_properties(options: Iterable[str] = ()) -> dict[str, Any]:
@@ -228,6 +238,17 @@ def look_up_properties(options: Iterable[str] = ()) -> dict[str, Any]:
     }
 
 
+def light_from_property(options: Iterable[str] = ()) -> Any:
+    """Return the property that says where materials take the grid's light from."""
+    return EnumProperty(
+        name="Light From",
+        description="Where materials take the light of the grid from",
+        items=LIGHT_FROM,
+        default="GRID",
+        options=set(options),
+    )
+
+
 def override_properties() -> dict[str, Any]:
     """Return the properties of a bake operator: every setting, and the box as names or numbers.
 
@@ -313,6 +334,7 @@ class IvgSettings(bpy.types.PropertyGroup):
                 default=False,
                 options={"HIDDEN"},
             ),
+            "light_from": light_from_property(),
             "inspection": PointerProperty(type=IvgInspection),
             "settings_before": StringProperty(
                 name="Settings Before",

@@ -12,23 +12,22 @@ from dataclasses import dataclass
 
 import bpy
 
-from ..core.errors import GridFileError
+from ..core.errors import GridFileError, IvgError
 from ..core.report import Notice
-from . import material_light, staleness
+from . import material_light, staleness, stored_light
 from .bounds import reaches_out
 from .export_nodes import STAND_IN
 from .grid_image import box, scene_grid, spatial
 from .grid_pixels import interpolate
 from .inspection_mark import is_inspection
+from .modifier_nodes import NAME
 
-_NAME = "IVG Stand-In"
+_STAND_IN_NAME = "IVG Stand-In"
 _ADDED_SLOT = "ivg_added_slot"
 """Of data to which a slot was added for it."""
 _WITH_SURFACE = frozenset({"MESH", "CURVE", "SURFACE", "FONT", "META", "CURVES", "POINTCLOUD"})
 _SLACK = 1e-3
 """By how much objects may reach out of a grid before it is said."""
-_NAMED = 3
-"""So many objects are named in one line."""
 
 
 @dataclass(frozen=True)
@@ -47,29 +46,64 @@ class Lit:
     notices: tuple[Notice, ...] = ()
 
 
-def add(context: bpy.types.Context, selected: bool = False) -> Lit:
+def add(context: bpy.types.Context, selected: bool = False, light_from: str = "GRID") -> Lit:
     """Add the light of the scene's grid to the materials of all objects, or of the selected ones.
 
     It is interpolated as the scene's look-ups are, by all who have it.
+
+    Parameters
+    ----------
+    light_from
+        "GRID": it is looked up where surfaces are shaded. "MODIFIER": materials all of whose objects have the modifier
+        "IVG Light" take what that has stored; others look it up.
 
     Raises
     ------
     GridFileError
         There is no grid, or nodes cannot read it.
+    SceneError
+        The scene cannot be evaluated.
     """
     image = scene_grid(context.scene)
     interpolate(image, context.scene)
     with staleness.no_change_of_light(context.scene):
         objects = _objects(context, selected)
         bare = _bare(objects)
-        notices = material_light.add_light(_materials(context, objects), image)
+        notices = _add_light(context, _materials(context, objects), image, light_from)
         if bare:
-            notices += material_light.add_light([_give_stand_in(bare)], image)
+            notices += _add_light(context, [_give_stand_in(bare)], image, light_from)
     lit = [material for material in material_light.lit_materials() if material_light.grid_of(material) == image]
     outside = outside_message(objects_outside(context.scene, image))
     if outside:
         notices += (Notice("warning", f"grid '{image.name}'", outside),)
     return Lit(len(lit), notices)
+
+
+def _add_light(
+    context: bpy.types.Context, materials: list[bpy.types.Material], image: bpy.types.Image, light_from: str
+) -> tuple[Notice, ...]:
+    stored: frozenset[bpy.types.Material] = frozenset()
+    notices: tuple[Notice, ...] = ()
+    if light_from == "MODIFIER" and materials:
+        stored, notices = stored_light.choose(context, materials, image)
+    return notices + material_light.add_light(materials, image, stored)
+
+
+def follow_modifiers(context: bpy.types.Context) -> tuple[Notice, ...]:
+    """Let materials look their grid up where the modifier that stored it is gone; return what is to be said."""
+    notices: tuple[Notice, ...] = ()
+    takers = [material for material in material_light.lit_materials() if material_light.takes_stored(material)]
+    for image in {image for material in takers if (image := material_light.grid_of(material)) is not None}:
+        theirs = [material for material in takers if material_light.grid_of(material) == image]
+        try:
+            with staleness.no_change_of_light(context.scene):
+                stored, why = stored_light.choose(context, theirs, image)
+                lost = [material for material in theirs if material not in stored]
+                notices += why + material_light.add_light(lost, image)
+        except IvgError as error:
+            told = f"materials whose modifier {NAME} is gone stay black: {error}"
+            notices += (Notice("warning", f"grid '{image.name}'", told),)
+    return notices
 
 
 def remove(context: bpy.types.Context, selected: bool = False) -> Lit:
@@ -96,7 +130,8 @@ def take_out(scene: bpy.types.Scene, materials: Iterable[bpy.types.Material]) ->
 
 def stays_old(image: bpy.types.Image) -> tuple[Notice, ...]:
     """Return what is to be said where materials could not follow a grid that was baked anew."""
-    if not any(material_light.grid_of(material) == image for material in material_light.lit_materials()):
+    lit = [material for material in material_light.lit_materials() if material_light.grid_of(material) == image]
+    if all(material_light.takes_stored(material) for material in lit):
         return ()
     from .irradiance_nodes import irradiance_group
 
@@ -153,7 +188,7 @@ def _give_stand_in(objects: Iterable[bpy.types.Object]) -> bpy.types.Material:
     """Give the stand-in to what has none; return it."""
     material = next((each for each in bpy.data.materials if STAND_IN in each and not each.library), None)
     if material is None:
-        material = bpy.data.materials.new(_NAME)
+        material = bpy.data.materials.new(_STAND_IN_NAME)
         material[STAND_IN] = True
     for current in objects:
         if not current.data.materials:
@@ -192,8 +227,8 @@ def outside_message(names: list[str]) -> str:
     """Return what is said of objects that reach out of the grid's box; empty if none does."""
     if not names:
         return ""
-    listed = ", ".join(f"'{name}'" for name in names[:_NAMED]) + (", …" if len(names) > _NAMED else "")
-    return f"{listed}: out of the grid's box there is the light of its border; bake with larger bounds"
+    told = "out of the grid's box there is the light of its border; bake with larger bounds"
+    return f"{stored_light.listed(names)}: {told}"
 
 
 def interpolation_message(scene: bpy.types.Scene) -> str:
@@ -208,7 +243,9 @@ def interpolation_message(scene: bpy.types.Scene) -> str:
 def summary(image: bpy.types.Image) -> str:
     """Return how many materials have a grid's light, in words."""
     materials = material_light.lit_materials()
-    here = sum(material_light.grid_of(material) == image for material in materials)
-    elsewhere = len(materials) - here
+    theirs = [material for material in materials if material_light.grid_of(material) == image]
+    here, elsewhere = len(theirs), len(materials) - len(theirs)
+    stored = sum(map(material_light.takes_stored, theirs))
     told = f"{here or 'No'} material{'s have' if here > 1 else ' has'} the light of grid '{image.name}'"
+    told += f", {stored} of them from {NAME}" if stored else ""
     return told + (f", {elsewhere} with that of another grid" if elsewhere else "")

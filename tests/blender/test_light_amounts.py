@@ -18,7 +18,7 @@ from ivg_addon.core.principled import COSINES, Layers, oren_nayar_share, through
 from . import light_patches
 from . import material_trees as trees
 from .gpu_child import draws, rendered_by_eevee
-from .stored_grids import store
+from .stored_grids import module, store
 
 Float64 = NDArray[np.float64]
 
@@ -83,19 +83,29 @@ def patches() -> list[tuple[bpy.types.Material, Any, float]]:
 
 @pytest.fixture
 def laid_out(extension: str, tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[tuple[Float64, Float64]]:
-    """Lay patches out under an even light that the grid alone gives; return their radiance and what they may be off."""
+    """Lay patches out under an even light that the grid alone gives; return their radiance and what they may be off.
+
+    The parameter says which of the patches, and how many of them, the last, have the light from the modifier.
+    """
+    which, stored = request.param
     bpy.ops.wm.read_homefile(use_empty=True)
     store(extension, "Even", light_patches.even_light(), tmp_path)
-    shown = patches()[request.param]
-    light_patches.lay_out([material for material, *_ in shown])
-    bpy.ops.ivg.materials_add()
+    shown = patches()[which]
+    materials = [material for material, *_ in shown]
+    light_patches.lay_out(materials)
+    bpy.ops.ivg.modifier_add(objects="ALL")
+    bpy.ops.ivg.materials_add(light_from="MODIFIER")
+    looked_up = materials[: len(materials) - stored]
+    light = module(extension, "material_light")
+    light.add_light(looked_up, bpy.context.scene.ivg.grid)
+    assert sum(map(light.takes_stored, materials)) == stored
     bpy.ops.ivg.direct_only()
     radiance = np.array([reflected * light_patches.LIGHT / math.pi for _, reflected, _ in shown])
     yield radiance, np.array([off for *_, off in shown])[:, None] * np.maximum(radiance, 1e-3)
     bpy.ops.wm.read_homefile(use_empty=True)
 
 
-@pytest.mark.parametrize("laid_out", [slice(None)], indirect=True)
+@pytest.mark.parametrize("laid_out", [(slice(None), 0), (slice(None), 10)], indirect=True)
 def test_in_cycles_it_is_albedo_times_irradiance(laid_out: Any, tmp_path: Path) -> None:
     expected, allowed = laid_out
     bpy.context.scene.render.engine = "CYCLES"
@@ -104,7 +114,7 @@ def test_in_cycles_it_is_albedo_times_irradiance(laid_out: Any, tmp_path: Path) 
 
 
 @draws
-@pytest.mark.parametrize("laid_out", [slice(2, 5)], indirect=True)
+@pytest.mark.parametrize("laid_out", [(slice(2, 5), 2)], indirect=True)
 def test_in_eevee_too(laid_out: Any, tmp_path: Path) -> None:
     """EEVEE writes half floats: 10⁻³ more is allowed."""
     expected, allowed = laid_out

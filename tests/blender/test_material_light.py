@@ -140,8 +140,11 @@ def test_a_group_keeps_its_light_while_another_material_uses_it(scene: bpy.types
     add_object("Other", bpy.data.meshes.new("Other")).data.materials.append(second)
     before = trees.everything()
     bpy.ops.ivg.materials_add()
+    lit = trees.everything()
     for other in bpy.data.objects:
         other.select_set(other.name == "Other")
+    bpy.ops.ivg.materials_add(objects="SELECTED")
+    assert trees.everything() == lit, "the group has the light once"
     bpy.ops.ivg.materials_remove(objects="SELECTED")
     assert any(node.type == "GROUP" for node in bpy.data.node_groups["Inner"].nodes)
     bpy.ops.ivg.materials_remove()

@@ -62,6 +62,7 @@ def test_saved_numbers_of_enum_items(settings: Any) -> None:
         "estimator": {"TRACK_LENGTH": 0, "CROSSING": 1, "REPORT": 2},
         "spatial": {"TRILINEAR": 0, "TRICUBIC": 1},
         "directional": {"LEAST_SQUARES": 0, "REPORT": 1},
+        "light_from": {"GRID": 0, "MODIFIER": 1},
     }
 
 
