@@ -25,6 +25,10 @@ EXACT_VERTICES = 500_000
 AUTOMATIC_VERTICES = 2_000_000
 """The automatic resolution stays below this many vertices: 432 MB of irradiance vectors."""
 
+SLACK = 1e-3
+"""How far objects may reach out of a grid before it is said, as a share of the box's longest side: a part of a voxel,
+where the light of the border is theirs too."""
+
 
 @dataclass(frozen=True)
 class Box:
@@ -64,16 +68,10 @@ def _in_world(points: Float64, matrix_world: bpy.types.Matrix) -> Float64:
     return points @ matrix[:3, :3].T + matrix[:3, 3]
 
 
-def reaches_out(thing: bpy.types.Object, box: Box, slack: float) -> bool:
-    """Tell whether the box of an object in its own space lies partly out of a box.
-
-    Parameters
-    ----------
-    slack
-        How far it may without that, as a share of the box's longest side: positions are of single precision.
-    """
+def reaches_out(thing: bpy.types.Object, box: Box) -> bool:
+    """Tell whether the box of an object in its own space lies partly out of a box, by more than `SLACK`."""
     corners = _in_world(np.array(thing.bound_box, dtype=np.float64), thing.matrix_world)
-    beyond = slack * max(box.size)
+    beyond = SLACK * max(box.size)
     inside = (corners >= np.asarray(box.low) - beyond) & (corners <= np.asarray(box.high) + beyond)
     return not inside.all()
 

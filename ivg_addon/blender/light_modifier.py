@@ -22,8 +22,6 @@ from .modifier_nodes import ATTRIBUTE, BIAS, FORMAT, GRID, NAME, STORED, UNREADA
 
 TYPES = frozenset({"MESH", "CURVE", "FONT", "CURVES", "POINTCLOUD"})
 """Of objects that can have the modifier, and that light falls on."""
-_SLACK = 1e-5
-"""By how much objects may reach out of a grid before it is said."""
 
 
 @dataclass(frozen=True)
@@ -144,9 +142,7 @@ def problems(image: bpy.types.Image | None, objects: Iterable[bpy.types.Object])
             yield f"'{target.name}' has an IVG Light without a grid: add it again"
         elif UNREADABLE in (warning.message for warning in modifier.node_warnings):
             yield f"'{target.name}': {UNREADABLE}"
-        elif (
-            image is not None and grid.data == grid_volume.volume_of(image) and reaches_out(target, box(image), _SLACK)
-        ):
+        elif image is not None and grid.data == grid_volume.volume_of(image) and reaches_out(target, box(image)):
             yield f"'{target.name}' reaches out of the grid: there it has the light of the grid's edge"
 
 

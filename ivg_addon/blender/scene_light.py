@@ -26,8 +26,6 @@ _STAND_IN_NAME = "IVG Stand-In"
 _ADDED_SLOT = "ivg_added_slot"
 """Of data to which a slot was added for it."""
 _WITH_SURFACE = frozenset({"MESH", "CURVE", "SURFACE", "FONT", "META", "CURVES", "POINTCLOUD"})
-_SLACK = 1e-3
-"""By how much objects may reach out of a grid before it is said."""
 
 
 @dataclass(frozen=True)
@@ -219,7 +217,7 @@ def objects_outside(scene: bpy.types.Scene, image: bpy.types.Image) -> list[str]
     return [
         current.name
         for current in scene.objects
-        if _has_surface(current) and not current.hide_render and reaches_out(current, own, _SLACK)
+        if _has_surface(current) and not current.hide_render and reaches_out(current, own)
     ]
 
 
