@@ -73,6 +73,6 @@ def fill(group: bpy.types.ShaderNodeTree, reading: Reading, spatial: Spatial, pa
 
 
 def _is_eevee(maths: ShaderMaths) -> Socket:
-    """Return 1 in EEVEE and 0 in Cycles: a texture without an image is black in the one, in the other magenta."""
-    missing = maths.node("ShaderNodeTexImage", {}).outputs["Color"]
-    return maths.math("SUBTRACT", 1.0, maths.channel(missing, 0))
+    """Return 1 in EEVEE and 0 in Cycles, for which an IES Texture without a profile is 100; EEVEE has none."""
+    profile = maths.value("ShaderNodeTexIES")
+    return maths.math("SUBTRACT", 1.0, maths.math("COMPARE", profile, 100.0, 1.0))

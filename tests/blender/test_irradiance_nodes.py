@@ -106,7 +106,7 @@ def test_a_file_opened_again_shows_what_python_finds(
 def images_of(group: bpy.types.ShaderNodeTree) -> set[str]:
     """Return the names of all images that a group reads, with the groups in it."""
     trees = {group} | {node.node_tree for node in group.nodes if node.type == "GROUP"}
-    return {node.image.name for tree in trees for node in tree.nodes if node.type == "TEX_IMAGE" and node.image}
+    return {node.image.name for tree in trees for node in tree.nodes if node.type == "TEX_IMAGE"}
 
 
 def test_each_grid_has_one_group_of_its_own() -> None:
