@@ -194,6 +194,16 @@ CASES = (
         "mix: diffuse and glossy, Layer Weight Fresnel",
         with_floor(mix(_facing("Fresnel"), diffuse(_CLOTH), _glossy(0.1))),
     ),
+    Case(
+        "mix: by Fresnel times an image",
+        with_floor(
+            mix(
+                node("Math", settings={"operation": "MULTIPLY"}, Value=node("Fresnel", IOR=2.0), Value_001=_number()),
+                diffuse(_CLOTH),
+                _glossy(0.3),
+            )
+        ),
+    ),
     Case("mix: two colours by image", with_floor_and_card(mix(_number(), diffuse(_CLOTH), diffuse((0.1, 0.3, 0.8))))),
     Case("mix: diffuse and transparent by image", with_card(mix(_number(), node("BsdfTransparent"), diffuse(_CLOTH)))),
     Case("mix: diffuse and transparent, 0.5", with_card(mix(0.5, node("BsdfTransparent"), diffuse(_CLOTH)))),
@@ -223,6 +233,14 @@ CASES = (
     Case("mix: nothing in the second place", with_floor(node("MixShader", Fac=0.4, Shader=diffuse(_CLOTH)))),
     Case("mix: black, negative light", with_card(emission((2.0, 1.0, 1.0), -1.0))),
     Case("mix: diffuse added to glossy", with_floor(add(diffuse((0.3, 0.2, 0.1)), _glossy(0.3)))),
+    Case(
+        "mix: emission and diffuse by Fresnel",
+        with_card(mix(_fresnel(), diffuse(_CLOTH), emission((40.0, 30.0, 20.0)))),
+    ),
+    Case(
+        "surface: Emission by facing",
+        with_card(emission(node("LayerWeight", "Facing", Blend=0.5), 30.0)),
+    ),
     Case(
         "mix: emission and diffuse by image", with_card(mix(_number(), diffuse(_CLOTH), emission((40.0, 30.0, 20.0))))
     ),

@@ -283,4 +283,16 @@ CASES = (
         "texture: facing as colour",
         with_floor(mix(0.0, diffuse(node("LayerWeight", "Facing", Blend=0.6)), diffuse(_BLUE))),
     ),
+    Case(
+        "texture: ramp of facing",
+        with_floor(diffuse(ramp(node("LayerWeight", "Facing", Blend=0.5), (0.3, _SAND), (0.8, _BLUE)))),
+    ),
+    Case(
+        "texture: ramp of Fresnel in Principled",
+        with_floor(
+            node(
+                "BsdfPrincipled", Base_Color=ramp(node("Fresnel", IOR=1.5), (0.05, _BLUE), (0.4, _SAND)), Roughness=0.4
+            )
+        ),
+    ),
 )

@@ -211,7 +211,10 @@ def _find(identity: int) -> bpy.types.Material | None:
 
 def _content(material: bpy.types.Material, entry: Unevaluated, conditions: _Conditions) -> Iterator[bytes]:
     """Return all on which a material's values depend, but for the mesh."""
-    leaves = [(leaf.groups, leaf.node, leaf.socket, leaf.colour, leaf.normal, leaf.side) for leaf in entry.tree.leaves]
+    leaves = [
+        (leaf.groups, leaf.node, leaf.socket, leaf.colour, leaf.normal, leaf.side, leaf.cosine)
+        for leaf in entry.tree.leaves
+    ]
     yield f"{_VERSION} {bpy.app.version} {leaves} {material.pass_index} {material.displacement_method}".encode()
     tree = material.node_tree
     if entry.tree.needs.animated or tree.animation_data is not None:

@@ -2,7 +2,7 @@
 """A copy of a material that shines with the values of its leaves.
 
 The copy lies on a mesh that stands in world space, so what the original reads of its object comes from attributes of
-that mesh, what it reads of the ray is fixed to a ray of diffuse light, and what depends on the direction is averaged.
+that mesh, what it reads of the ray is fixed to a ray of diffuse light, and the direction of view to one, or averaged.
 All else is left to Cycles as it is.
 """
 
@@ -17,7 +17,7 @@ from .cycles_stage import removed
 from .export_colours import RAY_THAT_SHADES
 from .export_needs import READS_GENERATED
 from .export_nodes import Output
-from .export_sockets import DISPLACEMENT, LeafSource, mean_over_directions
+from .export_sockets import DISPLACEMENT, LeafSource, seen_at
 
 GENERATED, LOCAL, LOCAL_NORMAL = "ivg generated", "ivg local", "ivg local normal"
 LOCATION, COLOUR, INDEX, RANDOM = "ivg location", "ivg colour", "ivg index", "ivg random"
@@ -55,6 +55,7 @@ class StageMaterial:
     ) -> None:
         self._stack = stack
         self._sides: list[bpy.types.Node] = []
+        self._views: list[tuple[bpy.types.Node, Output]] = []
         self.passes = _passes(leaves)
         self.normal_passes = [[index] for index, leaf in enumerate(leaves) if leaf.normal]
         self.material = stack.enter_context(removed(bpy.data.materials, original.copy))
@@ -94,6 +95,8 @@ class StageMaterial:
             return
         for node in self._sides:
             node.outputs[0].default_value = float(self._leaves[shown[0]].side)
+        for node, seen in self._views:
+            node.outputs[0].default_value = seen_at(seen, self._leaves[shown[0]].cosine)
         if self._leaves[shown[0]].normal:
             # Light is not negative.
             half = self._tree.nodes.new("ShaderNodeVectorMath")
@@ -143,7 +146,8 @@ class StageMaterial:
                 self._sides += _fix(tree, node.outputs["Backfacing"], 0.0)
             case "FRESNEL" | "LAYER_WEIGHT":
                 for socket in node.outputs:
-                    _fix(tree, socket, mean_over_directions(Output(node, socket, groups)))
+                    seen = Output(node, socket, groups)
+                    self._views += [(made, seen) for made in _fix(tree, socket, seen_at(seen, None))]
             case kind if kind in READS_GENERATED and "Vector" in node.inputs and not node.inputs["Vector"].is_linked:
                 tree.links.new(_attribute(tree, GENERATED).outputs["Vector"], node.inputs["Vector"])
 
@@ -169,10 +173,11 @@ class StageMaterial:
 
 
 def _passes(leaves: Sequence[LeafSource]) -> list[list[int]]:
-    """Return which leaves, but for normals, are shown together: colours alone, numbers of one side three at a time."""
+    """Return which leaves, but for normals, are shown together: colours alone, numbers of one look three at a time."""
     passes = [[index] for index, leaf in enumerate(leaves) if leaf.colour and not leaf.normal]
-    for side in (0, 1):
-        numbers = [index for index, leaf in enumerate(leaves) if not leaf.colour and leaf.side == side]
+    looks = dict.fromkeys((leaf.side, leaf.cosine) for leaf in leaves if not leaf.colour)
+    for look in looks:
+        numbers = [index for index, leaf in enumerate(leaves) if not leaf.colour and (leaf.side, leaf.cosine) == look]
         passes += [numbers[start : start + 3] for start in range(0, len(numbers), 3)]
     return passes
 

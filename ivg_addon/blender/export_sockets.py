@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core.bumps import BENT, MIRRORED, OWN
-from ..core.closures import Leaf, Normal, Value
-from ..core.principled import mean_reflectance
+from ..core.closures import VIEWS, Directed, Leaf, Normal, Value
+from ..core.principled import dielectric_curve, facing_curve, mean_reflectance
 from .export_colours import LUMINANCE, RAY_THAT_SHADES, Notes
 from .export_images import ImageUse
 from .export_needs import DIFFERS_BY_PATH, Needs, is_undefined, network_needs
@@ -48,6 +48,8 @@ class LeafSource:
         The socket's own value.
     name
         What notices call it.
+    cosine
+        Of the direction of view in which it is seen; None for all, where it does not depend on it, or its mean does.
     """
 
     groups: tuple[str, ...]
@@ -59,6 +61,7 @@ class LeafSource:
     fallback: tuple[float, ...]
     name: str
     normal: bool = False
+    cosine: float | None = None
 
 
 class SocketReader:
@@ -94,15 +97,15 @@ class SocketReader:
         self._ray = ray
         self._settled = settled
 
-    def colour(self, entry: Input, name: str = "") -> Value:
-        """Return a colour socket's value."""
-        return self._value(entry, name or entry.socket.name, colour=True)
+    def colour(self, entry: Input, name: str = "", directed: bool = False) -> Value:
+        """Return a colour socket's value; `directed` if it may depend on the direction of view."""
+        return self._value(entry, name or entry.socket.name, True, directed)
 
-    def number(self, entry: Input, name: str = "") -> Value:
-        """Return a number socket's value."""
-        return self._value(entry, name or entry.socket.name, colour=False)
+    def number(self, entry: Input, name: str = "", directed: bool = False) -> Value:
+        """Return a number socket's value; `directed` if it may depend on the direction of view."""
+        return self._value(entry, name or entry.socket.name, False, directed)
 
-    def _value(self, entry: Input, name: str, colour: bool) -> Value:
+    def _value(self, entry: Input, name: str, colour: bool, directed: bool) -> Value:
         end, output = follow(entry)
         if output is None:
             return _constant(end.socket.default_value if hasattr(end.socket, "default_value") else 0.0, colour)
@@ -116,20 +119,26 @@ class SocketReader:
             case "NEW_GEOMETRY" if output.socket.name == "Backfacing":
                 self._needs.sided = True
                 return _constant(float(self._side), colour)
-            case "FRESNEL" | "LAYER_WEIGHT":
+            case "FRESNEL" | "LAYER_WEIGHT" if not directed:
                 self.notes.add("simplified", f"{name}: {output.label} node replaced by its mean over directions")
                 return _constant(mean_over_directions(output), colour)
         own = getattr(end.socket, "default_value", 0.0)
         if is_undefined(node):
             self.notes.add("warning", f"{name}: node '{node.name}' is of an unknown type: ignored, as in Cycles")
             return _constant(own, colour)
+        if directed and network_needs(entry).averaged:
+            return Directed(tuple(self._leaf(end, output, name, colour, own, cosine) for cosine in VIEWS))
         return self._leaf(end, output, name, colour, own)
 
-    def _leaf(self, entry: Input, output: Output, name: str, colour: bool, own: object) -> Leaf:
+    def _leaf(
+        self, entry: Input, output: Output, name: str, colour: bool, own: object, cosine: float | None = None
+    ) -> Leaf:
         needs = network_needs(entry)
+        if cosine is not None:
+            needs.averaged.clear()
         side = self._side if needs.sided else 0
         groups = tuple(str(group.name) for group in output.groups)
-        key = (groups, str(output.node.name), str(output.socket.identifier), colour, side)
+        key = (groups, str(output.node.name), str(output.socket.identifier), colour, side, cosine)
         if key not in self._leaves:
             image = plain_image(output) if colour else None
             if image is not None and image.image is not None:
@@ -146,6 +155,7 @@ class SocketReader:
                 image=image,
                 fallback=_constant(own, colour),
                 name=name,
+                cosine=cosine,
             )
         return Leaf(list(self._leaves).index(key))
 
@@ -227,10 +237,23 @@ class SocketReader:
             ior = (1.0 / (1.0 - min(max(_plain(output, "Blend"), 0.0), 1.0 - 1e-5)),)
         else:
             return None
-        if isinstance(ior, Leaf):
+        if not isinstance(ior, tuple):
             return ior
         self._needs.sided = True
         return ior if self._side == 0 else (1.0 / max(ior[0], 1e-5),)
+
+
+def seen_at(output: Output, cosine: float | None) -> float:
+    """Return what a Fresnel or Layer Weight node's output is in a direction of view; None is their mean."""
+    if cosine is None:
+        return mean_over_directions(output)
+    if output.node.type == "LAYER_WEIGHT" and output.socket.name == "Facing":
+        return float(facing_curve(_plain(output, "Blend"), np.array([cosine]))[0])
+    if output.node.type == "FRESNEL":
+        ior = max(_plain(output, "IOR"), 1e-5)
+    else:
+        ior = 1.0 / (1.0 - min(max(_plain(output, "Blend"), 0.0), 1.0 - 1e-5))
+    return float(dielectric_curve(ior, np.array([cosine]))[0])
 
 
 def mean_over_directions(output: Output) -> float:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import bpy
 
-from ..core.closures import Closure, Factor, Normal, Value
+from ..core.closures import Closure, Directed, Factor, Normal, Value
 from .export_colours import RAY_THAT_SHADES, Notes
 from .export_needs import Needs, is_undefined
 from .export_nodes import Input, Output, follow
@@ -35,6 +35,9 @@ _PRINCIPLED = {
     "Emission Strength": False,
 }
 """Inputs of a Principled BSDF that carry energy, and whether they are colours."""
+_BASE = "Base Color"
+_SEEN = {"Color", "Strength", _BASE, "Emission Color", "Emission Strength"}
+"""Inputs that may depend on the direction of view; of others that do the mean is taken."""
 _FACETS = {"Anisotropy": "anisotropy", "Anisotropic": "anisotropy", "Thin Film Thickness": "thin film"}
 """Inputs that change facets otherwise than it is taken into account, and what that is called."""
 
@@ -141,7 +144,7 @@ class _SurfaceReader:
         entry = output.input("Fac")
         _, source = follow(entry)
         seen = None if source is None else self._sockets.view_factor(source)
-        shape, value = seen or ("CONSTANT", self._sockets.number(entry, "shader mix factor"))
+        shape, value = seen or ("CONSTANT", self._sockets.number(entry, "shader mix factor", directed=True))
         varies = seen is not None
         closures: tuple[Closure, ...] = ()
         # A shader of weight zero may be anything: it is not looked at.
@@ -154,12 +157,11 @@ class _SurfaceReader:
     def _inputs(self, output: Output, colours: tuple[str, ...], numbers: tuple[str, ...] = ()) -> dict[str, Value]:
         """Return inputs by their names."""
         return {
-            **{name: self._sockets.colour(output.input(name)) for name in colours},
-            **{name: self._sockets.number(output.input(name)) for name in numbers},
+            **{name: self._sockets.colour(output.input(name), directed=name in _SEEN) for name in colours},
+            **{name: self._sockets.number(output.input(name), directed=name in _SEEN) for name in numbers},
         }
 
     def _emission(self, output: Output, weight: tuple[Factor, ...]) -> tuple[Closure, ...]:
-        self._note_directed(weight)
         return (Closure("EMISSION", self._inputs(output, ("Color",), ("Strength",)), weight),)
 
     def _diffuse(self, output: Output, weight: tuple[Factor, ...]) -> tuple[Closure, ...]:
@@ -184,8 +186,8 @@ class _SurfaceReader:
     def _metallic(self, output: Output, weight: tuple[Factor, ...]) -> tuple[Closure, ...]:
         numbers = self._inputs(output, (), ("Roughness",))
         if output.node.fresnel_type == "F82":
-            colours = self._inputs(output, ("Base Color", "Edge Tint"))
-            inputs = {"Color": colours["Base Color"], "Edge Tint": colours["Edge Tint"], **numbers}
+            edge = self._inputs(output, ("Edge Tint",))
+            inputs = {"Color": self._sockets.colour(output.input(_BASE)), **edge, **numbers}
         else:
             inputs = {**numbers, **self._inputs(output, ("IOR", "Extinction"))}
         return (self._faceted("METALLIC", output, inputs, weight),)
@@ -215,17 +217,16 @@ class _SurfaceReader:
 
     def _principled(self, output: Output, weight: tuple[Factor, ...]) -> tuple[Closure, ...]:
         read = {True: self._sockets.colour, False: self._sockets.number}
-        inputs = {name: read[colour](output.input(name)) for name, colour in _PRINCIPLED.items()}
+        inputs = {
+            name: read[colour](output.input(name), directed=name in _SEEN) for name, colour in _PRINCIPLED.items()
+        }
+        if isinstance(inputs[_BASE], Directed) and (inputs["Metallic"], inputs["Transmission Weight"]) != ((0.0,),) * 2:
+            self._omitted["the direction of view in the colour of its metal or glass (its mean taken)"] = None
         end, linked = follow(output.input("Subsurface Weight"))
         if linked is not None or end.socket.default_value > 0.0:
             self._omitted["subsurface scattering (taken as diffuse)"] = None
         if "Thin Wall" in output.node.inputs:  # from Blender 5.2 on
             inputs["Thin Wall"] = self._sockets.number(output.input("Thin Wall"))
-        if inputs["Emission Strength"] != (0.0,):
-            self._note_directed(weight)
-            for layer in ("coat", "sheen"):
-                if inputs[f"{layer.title()} Weight"] != (0.0,):
-                    self._omitted[f"the directions of light through a {layer} (its mean taken)"] = None
         coat_normal = None if inputs["Coat Weight"] == (0.0,) else self._normal(output, "Coat Normal")
         return (replace(self._faceted("PRINCIPLED", output, inputs, weight), coat_normal=coat_normal),)
 
@@ -237,11 +238,6 @@ class _SurfaceReader:
     def _normal(self, output: Output, name: str = "Normal") -> Normal | None:
         """Return the normal that a node's socket tells, None where it is the surface's own."""
         return self._sockets.normal(output.input(name)) or self._bent
-
-    def _note_directed(self, weight: tuple[Factor, ...]) -> None:
-        """Say that a surface shines towards all directions alike, though its weight depends on them."""
-        if any(factor.shape != "CONSTANT" for factor in weight):
-            self._omitted["the directions in which it shines by Fresnel or Layer Weight (their mean taken)"] = None
 
     def _note_facets(self, output: Output) -> None:
         """Say which properties of a lobe's facets are not taken into account."""

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .bumps import unit_normals
-from .principled import COSINES, dielectric_curve, facing_curve
+from .principled import COSINE_WEIGHTS, COSINES, dielectric_curve, facing_curve
 from .shading import OwnNormal
 
 Float64 = NDArray[np.float64]
@@ -27,8 +27,21 @@ class Leaf:
     index: int
 
 
-Value = Leaf | tuple[float, ...]
-"""A leaf, or a constant: (x,) a number, (r, g, b) a colour."""
+@dataclass(frozen=True)
+class Directed:
+    """A value that depends on the direction of view: leaves at `VIEWS`."""
+
+    leaves: tuple[Leaf, ...]
+
+
+Value = Leaf | Directed | tuple[float, ...]
+"""A leaf, or several; or a constant: (x,) a number, (r, g, b) a colour."""
+
+VIEWS = (0.0, 0.08, 0.2, 0.33, 0.47, 0.6, 0.74, 0.87, 1.0)
+"""Cosines to the surface's normal at which values that depend on them are known; they are linear in between."""
+_AT_COSINES: Float64 = np.stack([np.interp(COSINES, VIEWS, row) for row in np.eye(len(VIEWS))], axis=1)
+_SHARES: Float64 = COSINE_WEIGHTS @ _AT_COSINES
+"""What each of `VIEWS` counts for light towards all sides."""
 
 
 @dataclass(frozen=True)
@@ -101,14 +114,29 @@ class Values:
         self._leaves = leaves
 
     def __call__(self, value: Value) -> Float64:
-        """Return a value, (k, 1) or (k, 3)."""
+        """Return a value, (k, 1) or (k, 3); of one that depends on the direction of view its mean."""
         if isinstance(value, Leaf):
             return self._leaves[value.index]
+        if isinstance(value, Directed):
+            table = np.stack([self._leaves[leaf.index] for leaf in value.leaves])
+            mean: Float64 = np.einsum("v,vkc->kc", _SHARES, table)
+            return mean
         return np.array([value], dtype=np.float64)
 
     def share(self, value: Value) -> Float64:
         """Return a number within [0, 1]; 0 where it is none."""
         return np.nan_to_num(np.clip(self(value), 0.0, 1.0))
+
+    def looks(self, value: Value) -> Float64:
+        """Return how a value depends on the direction of view at `principled.COSINES`, on average over all points.
+
+        (directions, 1) or (directions, 3), 1 in the mean over directions.
+        """
+        if not isinstance(value, Directed):
+            return np.ones((len(COSINES), 1))
+        curve = _AT_COSINES @ np.stack([self._leaves[leaf.index].mean(axis=0) for leaf in value.leaves])
+        mean = COSINE_WEIGHTS @ curve
+        return np.asarray(np.divide(curve, mean, out=np.ones_like(curve), where=mean > 0.0))
 
     def normal(self, normal: Normal | None) -> OwnNormal | None:
         """Return a closure's normals."""
@@ -131,7 +159,12 @@ class Values:
         """Return the product of those that do, (directions, 1) at `principled.COSINES`."""
         product = np.ones((len(COSINES), 1))
         for factor in factors:
-            if factor.shape != "CONSTANT":
+            if isinstance(factor.value, Directed):
+                share = float(np.mean(self.share(factor.value)))
+                looks = self.looks(factor.value)
+                left = (1.0 - share * looks) / max(1.0 - share, 1e-6) if factor.complement else looks
+                product = product * np.maximum(left, 0.0)
+            elif factor.shape != "CONSTANT":
                 value = float(np.nan_to_num(self.mean(factor.value)))
                 curve = dielectric_curve(usable_index(value)) if factor.shape == "FRESNEL" else facing_curve(value)
                 product = product * (1.0 - curve if factor.complement else curve)[:, None]

@@ -109,7 +109,7 @@ def blackened(geometry: Geometry, materials: Materials, triangles: NDArray[np.in
     more = np.array([count], dtype=np.int32)
     none = np.array([NO_TEXTURE], dtype=np.int32)
     black = np.zeros((1, 3), dtype=np.float32)
-    emission_texture, back = materials.emission_texture, materials.back
+    emission_texture, view, back = materials.emission_texture, materials.emission_view, materials.back
     return replace(geometry, material=material), replace(
         materials,
         names=(*materials.names, BLACK_NAME),
@@ -117,6 +117,7 @@ def blackened(geometry: Geometry, materials: Materials, triangles: NDArray[np.in
         texture=np.concatenate([materials.texture, none]),
         emission=np.concatenate([materials.emission, black]),
         emission_texture=None if emission_texture is None else np.concatenate([emission_texture, none]),
+        emission_view=None if view is None else np.concatenate([view, np.ones_like(view[:1])]),
         back=None if back is None else np.concatenate([back, more]),
     )
 

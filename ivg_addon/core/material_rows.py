@@ -60,6 +60,7 @@ class MaterialRow:
     emission: Quantity
     lobes: tuple[LobeRow, ...]
     back: int
+    emission_view: Float64 | None = None
 
 
 def make_row(name: str, shading: Shading, back: int, quantity: Callable[[Float64], Quantity]) -> MaterialRow:
@@ -86,6 +87,7 @@ def make_row(name: str, shading: Shading, back: int, quantity: Callable[[Float64
             for lobe in shading.lobes
         ),
         back=back,
+        emission_view=shading.emission_view,
     )
 
 
@@ -163,6 +165,7 @@ def pack_materials(rows: Sequence[MaterialRow]) -> Materials:
         emission=colours([row.emission for row in rows]),
         emission_texture=textures([row.emission for row in rows]),
         back=np.array([row.back for row in rows], dtype=np.int32),
+        emission_view=_views([row.emission_view for row in rows]),
         lobes=Lobes(
             material=np.array([index for index, _ in lobes], dtype=np.int32),
             kind=np.array([lobe.kind for _, lobe in lobes], dtype=np.int32),
@@ -185,6 +188,13 @@ def pack_materials(rows: Sequence[MaterialRow]) -> Materials:
             view=np.array([_tabulated(lobe.view) for _, lobe in lobes], dtype=np.float32).reshape(-1, VIEW_STEPS, 3),
         ),
     )
+
+
+def _views(views: Sequence[Float64 | None]) -> NDArray[np.float32] | None:
+    """Return views at evenly spaced cosines, (m, VIEW_STEPS, 3), None where all are ones."""
+    if all(view is None for view in views):
+        return None
+    return np.array([_tabulated(view) for view in views], dtype=np.float32)
 
 
 def _tabulated(view: Float64 | None) -> Float64:

@@ -200,15 +200,15 @@ def mean_reflectance(eta: float) -> float:
     return float(COSINE_WEIGHTS @ dielectric_curve(eta))
 
 
-def dielectric_curve(eta: float) -> Float64:
-    """Return F_η of a smooth dielectric at `COSINES`."""
-    return _fresnel(COSINES, eta)
+def dielectric_curve(eta: float, cosines: Float64 = COSINES) -> Float64:
+    """Return F_η of a smooth dielectric at cosines."""
+    return _fresnel(cosines, eta)
 
 
-def facing_curve(blend: float) -> Float64:
-    """Return the output Facing of a Layer Weight node at `COSINES`: 1 − μ^e."""
+def facing_curve(blend: float, cosines: Float64 = COSINES) -> Float64:
+    """Return the output Facing of a Layer Weight node at cosines: 1 − μ^e."""
     blend = min(max(blend, 0.0), 1.0 - 1e-5)
-    return np.asarray(1.0 - COSINES ** (2.0 * blend if blend < 0.5 else 0.5 / (1.0 - blend)))
+    return np.asarray(1.0 - cosines ** (2.0 * blend if blend < 0.5 else 0.5 / (1.0 - blend)))
 
 
 def _fresnel(cosine: Float64, eta: float) -> Float64:

@@ -102,8 +102,11 @@ def shade_principled(closure: Closure, values: Values, weight: Float64, caustics
     diffuse = opaque * (1.0 - metallic) * (1.0 - transmission) * below * base
     matte = Lobe(MATTE, diffuse, base, values.share(inputs["Diffuse Roughness"]))
     coated = through_coat(means)
-    bare.append(_seen(matte, through_layers(means)).turned(own))
-    return Shading(np.zeros((1, 3)), emission, (*bare, *(_seen(lobe, coated).turned(own) for lobe in lobes)))
+    bare.append(_seen(matte, through_layers(means) * values.looks(inputs["Base Color"])).turned(own))
+    shining = coated * values.looks(inputs["Emission Color"]) * values.looks(inputs["Emission Strength"])
+    mean = COSINE_WEIGHTS @ through_coat(means)
+    view = np.divide(shining, mean, out=np.ones_like(shining), where=mean > 0.0)
+    return Shading(np.zeros((1, 3)), emission, (*bare, *(_seen(lobe, coated).turned(own) for lobe in lobes)), view)
 
 
 def _between(first: OwnNormal | None, second: OwnNormal | None, share: Float64) -> OwnNormal | None:

@@ -38,7 +38,7 @@ def as_ribbons(geometry: Geometry, materials: Materials, triangles: NDArray[np.i
     material = geometry.material.copy()
     material[triangles] = front[place]
     back = np.arange(count, dtype=np.int32) if materials.back is None else materials.back
-    emission_texture = materials.emission_texture
+    emission_texture, view = materials.emission_texture, materials.emission_view
     made = replace(
         materials,
         names=(*materials.names, *(materials.names[row] for row in used for _ in range(2))),
@@ -46,6 +46,7 @@ def as_ribbons(geometry: Geometry, materials: Materials, triangles: NDArray[np.i
         texture=_front_only(materials.texture, used, NO_TEXTURE),
         emission=_front_only(materials.emission, used, 0.0),
         emission_texture=None if emission_texture is None else _front_only(emission_texture, used, NO_TEXTURE),
+        emission_view=None if view is None else _front_only(view, used, 1.0),
         back=np.concatenate([back, np.repeat(front, 2) + np.tile(np.array([1, 0], dtype=np.int32), len(used))]),
         lobes=_parted(materials.lobes, used, front),
     )

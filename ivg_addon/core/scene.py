@@ -196,6 +196,9 @@ class Materials:
         Radiance, W/(m² sr). Where there is a texture it multiplies the texture.
     emission_texture : (m,) int32, optional
         Index into `Scene.textures`, or `NO_TEXTURE`; none has one where this is not given.
+    emission_view : (m, VIEW_STEPS, 3) float32, optional
+        Factor of what is emitted towards directions at cosines 0 … 1 to the surface, linear in between;
+        ∫ view 2μ dμ = 1. Ones where this is not given.
     back : (m,) int32, optional
         The material that describes the back side; without it both sides of each are alike.
     lobes
@@ -209,6 +212,7 @@ class Materials:
     emission_texture: Int32 | None = None
     back: Int32 | None = None
     lobes: Lobes = field(default_factory=Lobes)
+    emission_view: Float32 | None = None
 
 
 @dataclass(frozen=True)

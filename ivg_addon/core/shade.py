@@ -9,10 +9,17 @@ import numpy as np
 
 from .closures import Caustics, Closure, Float64, Values, usable_index
 from .metals import conductor_edge, conductor_reflectance, tinted_edge
-from .principled import COSINE_WEIGHTS
+from .principled import COSINE_WEIGHTS, COSINES
 from .principled_lobes import shade_principled
 from .scene import DIELECTRIC, GLASS, GLOSSY, MATTE, NONE, REFRACTION, SCHLICK, TRANSLUCENT, TRANSPARENT
 from .shading import Lobe, Shading, merged, sheen_lobe
+
+_COLOURED = {
+    **dict.fromkeys(("DIFFUSE", "GLOSSY", "GLASS", "REFRACTION", "SHEEN", "TRANSLUCENT", "TRANSPARENT"), ("Color",)),
+    "EMISSION": ("Color", "Strength"),
+}
+"""By closures, the inputs that they are as bright as, in whatever direction they are seen."""
+_EVEN = 1e-6
 
 
 def shade(closures: Iterable[Closure], leaves: Sequence[Float64], caustics: Caustics) -> Shading:
@@ -24,12 +31,16 @@ def shade(closures: Iterable[Closure], leaves: Sequence[Float64], caustics: Caus
         Values of the leaves, (k, 3) colours and (k, 1) numbers.
     """
     values = Values(leaves)
-    emission = np.zeros((1, 3))
+    emission, shining = np.zeros((1, 3)), np.zeros((len(COSINES), 3))
     found: list[Lobe] = []
     for closure in closures:
         part = _shade(closure, values, caustics)
         curve = values.curve(closure.weight)
-        emission = emission + part.emission * (COSINE_WEIGHTS @ curve)
+        for name in _COLOURED.get(closure.kind, ()):
+            curve = curve * values.looks(closure.inputs[name])
+        seen = curve if part.emission_view is None else curve * part.emission_view
+        emission = emission + part.emission * (COSINE_WEIGHTS @ seen)
+        shining += np.nan_to_num(part.emission).mean(axis=0) * seen
         # Those of a Principled BSDF have more than one normal, and know theirs.
         own = None if closure.kind == "PRINCIPLED" else values.normal(closure.normal)
         found += (lobe.turned(own).mixed(curve) for lobe in part.lobes)
@@ -38,7 +49,15 @@ def shade(closures: Iterable[Closure], leaves: Sequence[Float64], caustics: Caus
     albedo = np.asarray(sum((lobe.albedo() for lobe in matte), np.zeros((1, 3))))
     if all(lobe.is_cosine() for lobe in matte):
         lobes = tuple(lobe for lobe in lobes if lobe.kind != MATTE)
-    return Shading(albedo, emission, lobes)
+    return Shading(albedo, emission, lobes, _relative(shining))
+
+
+def _relative(shining: Float64) -> Float64 | None:
+    """Return light towards directions of view (directions, 3) over its mean; None where all get the same."""
+    if (np.abs(shining - shining[0]) <= _EVEN * np.abs(shining[0])).all():
+        return None
+    mean = COSINE_WEIGHTS @ shining
+    return np.divide(shining, mean, out=np.ones_like(shining), where=mean > 0.0)
 
 
 def _shade(closure: Closure, values: Values, caustics: Caustics) -> Shading:

@@ -137,11 +137,14 @@ class Shading:
     emission : (k, 3) float64
     lobes
         Those with any weight.
+    emission_view : (directions, 3)
+        How emission depends on the direction of view, as `Lobe.view`.
     """
 
     albedo: Float64
     emission: Float64
     lobes: tuple[Lobe, ...] = ()
+    emission_view: Float64 | None = None
 
     def total(self) -> Float64:
         """Return the share of light from all sides that is not absorbed, (k, 3)."""
@@ -172,15 +175,14 @@ class Shading:
             )
             for lobe in self.lobes
         )
-        cleaned = Shading(clean(self.albedo), clean(self.emission), lobes)
+        cleaned = replace(self, albedo=clean(self.albedo), emission=clean(self.emission), lobes=lobes)
         total = cleaned.total()
         if (total > _BRIGHT).any():
             wrong.add("bright")
         if (total > 1.0).any():
             limit = 1.0 / np.maximum(total, 1.0)
-            cleaned = Shading(
-                cleaned.albedo * limit, cleaned.emission, tuple(lobe.scaled(limit) for lobe in cleaned.lobes)
-            )
+            scaled = tuple(lobe.scaled(limit) for lobe in cleaned.lobes)
+            cleaned = replace(cleaned, albedo=cleaned.albedo * limit, lobes=scaled)
         return cleaned, frozenset(wrong)
 
 

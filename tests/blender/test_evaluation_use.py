@@ -95,11 +95,23 @@ def test_alpha_lets_light_through_where_the_image_says() -> None:
     np.testing.assert_allclose(exported(scene, "albedo", here), number * RED, atol=WITHIN)
 
 
-def test_other_fresnels_are_averaged_and_named() -> None:
+def test_colours_by_the_direction_of_view_are_known_by_direction() -> None:
     show(diffuse(through("ValToRGB", "Fac", node_output("LayerWeight", "Facing"), "Color")))
     scene = evaluated_scene()
-    np.testing.assert_allclose(exported(scene, "albedo"), 1 - 2 / 3, atol=1e-5)  # ∫ (1 − μ) 2μ dμ
-    assert said(scene) == ["simplified: Color: Layer Weight node replaced by its mean over directions"]
+    np.testing.assert_allclose(exported(scene, "albedo"), 1 - 2 / 3, atol=2e-3)  # ∫ (1 − μ) 2μ dμ
+    view = scene.materials.lobes.view
+    assert view is not None
+    steps = np.linspace(0, 1, view.shape[1])[:, None]
+    np.testing.assert_allclose(view[0], np.repeat((1 - steps) * 3, 3, axis=1), atol=0.02)
+    assert said(scene) == []
+
+
+def test_other_numbers_by_the_direction_of_view_are_averaged_and_named() -> None:
+    facing = through("Math", 0, node_output("LayerWeight", "Facing"), operation="ADD")
+    show(surface(shader("BsdfGlossy", Roughness=facing)))
+    scene = evaluated_scene()
+    np.testing.assert_allclose(scene.materials.lobes.roughness, 0.5 + 1 / 3, atol=1e-5)
+    assert said(scene) == ["simplified: Roughness: Layer Weight node replaced by its mean over directions"]
 
 
 @pytest.mark.parametrize("way", ["mix", "network"])

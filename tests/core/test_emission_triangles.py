@@ -11,6 +11,7 @@ import pytest
 
 from ivg_addon.core.embree import MISS, Tracer
 from ivg_addon.core.errors import SceneError
+from ivg_addon.core.scene import VIEW_STEPS
 
 from .emission_checks import (
     assert_distribution,
@@ -23,6 +24,7 @@ from .emission_checks import (
     scene,
     through,
 )
+from .z_tests import assert_means
 
 RADIANCE = [(0.0, 0.0, 0.0), (1.0, 3.0, 2.0), (5.0, 0.0, 1.0)]
 TRIANGLES = mesh(
@@ -94,3 +96,19 @@ def test_objects_that_diffuse_rays_do_not_see_light_nothing() -> None:
     )
     with pytest.raises(SceneError, match="no light"):
         photons(hidden)
+
+
+def test_shines_towards_directions_as_its_view_tells() -> None:
+    """By 3μ/2, which is 1 on average: power towards the cosine μ grows with its square."""
+    steps = np.linspace(0.0, 1.0, VIEW_STEPS, dtype=np.float32)
+    view = np.repeat(1.5 * steps[None, :, None], 3, axis=2)
+    square = mesh([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], [(0, 1, 2), (0, 2, 3)], [0, 0])
+    plain = scene(geometry=square, emission=[RADIANCE[1]])
+    light = photons(dataclasses.replace(plain, materials=dataclasses.replace(plain.materials, emission_view=view)))
+    np.testing.assert_allclose(light.emission.power, 2 * math.pi * np.array(RADIANCE[1]), rtol=1e-6)
+    assert_total(light)
+    # Of a unit of power μ³ goes to cosines below μ: ∫ 3 μ² dμ.
+    cosine, carried = np.abs(light.directions[:, 2]), light.flux[:, 1]
+    batches = np.array_split(np.arange(len(cosine)), 32)
+    shares = [[(carried[b] * (cosine[b] < m)).sum() / carried[b].sum() for m in (0.4, 0.7)] for b in batches]
+    assert_means(shares, np.array([0.4, 0.7]) ** 3)

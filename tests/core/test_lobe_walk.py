@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ivg_addon.core import photon_walk
 from ivg_addon.core.bake import bake, prepare_course
+from ivg_addon.core.bumps import MIRRORED, OWN
 from ivg_addon.core.dual_cells import Lattice
 from ivg_addon.core.lobe_scattering import MOST_PASSAGES
 from ivg_addon.core.photon_walk import Walk, walk_steps
@@ -47,7 +48,7 @@ def lit_from_above(*parts: Part, lobes: tuple[Lobes, ...], floor: Any = BLACK) -
 
 
 def mixed_room() -> Scene:
-    """Return a room with everything in it, lit by a lamp in a box that lets light pass."""
+    """Return a room with everything in it, bumps too, lit by a lamp in a box that lets light pass."""
     parts = [
         box((0, 0, 0), (2, 2, 2), inward=True),
         ball(0.3, rounds=2, material=1),
@@ -57,10 +58,13 @@ def mixed_room() -> Scene:
     ]
     parts[1] = replace(parts[1], vertices=np.add(parts[1].vertices, (0.7, 0.7, 0.6)))
     of = scene(parts, ((0.6, 0.5, 0.2), *[BLACK] * 3, (0.3, 0.3, 0.3)), lights=lamp((1, 1, 1.6)))
+    uvs = np.tile(np.array([(0, 0), (1, 0), (0, 1)], dtype=np.float32), (of.geometry.triangle_count, 1, 1))
+    bumps: dict[str, Any] = {"bump": OWN | MIRRORED, "normal": (0.3, 0.0, 0.95)}
     return with_lobes(
-        of,
+        replace(of, geometry=replace(of.geometry, uvs=uvs)),
         lobe(GLOSSY, 0.2, material=0, roughness=0.4, multiscatter=True),
-        lobe(GLASS, material=1, roughness=0.2),
+        lobe(GLOSSY, 0.1, material=0, roughness=0.5, **bumps),
+        lobe(GLASS, material=1, roughness=0.2, **bumps),
         lobe(GLASS, 0.9, 0.8, material=2),
         lobe(TRANSPARENT, 0.7, material=3),
         lobe(TRANSLUCENT, 0.4, material=4),

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..compiled import kernel, merged
 from ..embree import MISS
 from ..lights import NO_PATTERN
+from ..matte import view_factor
 from ..random import STREAM_EMISSION, random4
 from ..scene import NO_TEXTURE, Float32
 from .area import AreaEmitters, emit_area, on_area
@@ -76,7 +77,7 @@ def emit_photons(seed, first_photon, emitters, origins, directions, weights, dar
     map_row, map_column, map_texel, map_row_sums, map_sums, color, latitude, longitude, row_bounds, column_bounds = (
         emitters.maps
     )
-    vertices, triangles, uvs, pieces, emission, texture, pool = emitters.triangles
+    vertices, triangles, uvs, pieces, emission, texture, pool, views = emitters.triangles
     of_triangle, sides, of_material, divisions, index, bound = pieces
     weight = emitters.weight
     area_pattern, point_pattern, first_texel, columns, rows, texel_sums, texel_color = emitters.patterns
@@ -163,6 +164,10 @@ def emit_photons(seed, first_photon, emitters, origins, directions, weights, dar
                 red, green, blue = emission[material, 0], emission[material, 1], emission[material, 2]
                 if texture[material] != NO_TEXTURE:
                     r, g, b = texture_of_emission(uvs, pool, texture[material], of_triangle[piece], u, v)
+                    red, green, blue = red * r, green * g, blue * b
+                if len(views):
+                    # The cosine with which `cosine_direction` draws.
+                    r, g, b = view_factor(views, material, math.sqrt(1.0 - xi_3))
                     red, green, blue = red * r, green * g, blue * b
                 # At most 1 but for rounding.
                 red, green, blue = min(1.0, share * red), min(1.0, share * green), min(1.0, share * blue)

@@ -49,7 +49,7 @@ class Pieces(NamedTuple):
     divisions, part : (n,) int32
         N, and which of the triangle's N² pieces it is.
     bound : (n,) float32
-        No channel of its radiance exceeds this, W/(m² sr).
+        No channel of its radiance exceeds this in any direction, W/(m² sr).
     """
 
     triangle: Int32
@@ -66,6 +66,11 @@ def cut_into_pieces(geometry: Geometry, materials: Materials, textures: tuple[Te
     back = front if materials.back is None else materials.back[front]
     texture = emission_textures(materials)
     alike = (materials.emission[front] == materials.emission[back]).all(axis=1) & (texture[front] == texture[back])
+    view = materials.emission_view
+    brightest = np.ones(len(materials.emission), dtype=np.float32)
+    if view is not None:
+        alike &= (view[front] == view[back]).all(axis=(1, 2))
+        brightest = np.maximum(view.max(axis=(1, 2)), 1.0).astype(np.float32)
     triangle = np.concatenate([shines[alike], shines[~alike], shines[~alike]])
     material = np.concatenate([front[alike], front[~alike], back[~alike]])
     sizes = np.count_nonzero(alike), np.count_nonzero(~alike), np.count_nonzero(~alike)
@@ -74,12 +79,12 @@ def cut_into_pieces(geometry: Geometry, materials: Materials, textures: tuple[Te
     triangle, material, side = triangle[emits], material[emits], side[emits]
 
     textured = texture[material] != NO_TEXTURE
-    plain = _plain(triangle[~textured], material[~textured], side[~textured], materials.emission)
-    if not textured.any():
-        return plain
-    return _joined(
-        [plain, *_textured(geometry, materials, textures, triangle[textured], material[textured], side[textured])]
-    )
+    pieces = _plain(triangle[~textured], material[~textured], side[~textured], materials.emission)
+    if textured.any():
+        pieces = _joined(
+            [pieces, *_textured(geometry, materials, textures, triangle[textured], material[textured], side[textured])]
+        )
+    return pieces._replace(bound=pieces.bound * brightest[pieces.material])
 
 
 def emission_textures(materials: Materials) -> Int32:

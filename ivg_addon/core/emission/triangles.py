@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..compiled import inlined, kernel, merged
 from ..errors import SceneError
-from ..scene import NO_TEXTURE, Float32, Int32, Scene
+from ..scene import NO_TEXTURE, VIEW_STEPS, Float32, Int32, Scene
 from ..surfaces import corner, texture_coordinates, unit_normal
 from ..textures import TexturePool, pack_textures, sample_texture
 from ..vectors import cosine_direction, offset_distance
@@ -33,6 +33,8 @@ class TriangleEmitters(NamedTuple):
         Index into `pool` of each material's emission texture, or `NO_TEXTURE`.
     pool : TexturePool
         The textures of emission alone.
+    views : (m or 0, VIEW_STEPS, 3) float32
+        `scene.Materials.emission_view`; empty where all shine alike in all directions.
     """
 
     vertices: Float32
@@ -42,6 +44,7 @@ class TriangleEmitters(NamedTuple):
     emission: Float32
     texture: Int32
     pool: TexturePool
+    views: Float32
 
     @classmethod
     def of(cls, scene: Scene) -> TriangleEmitters:
@@ -72,6 +75,9 @@ class TriangleEmitters(NamedTuple):
             # The last row, which NO_TEXTURE names, stays NO_TEXTURE.
             texture=renumbered[texture],
             pool=pack_textures([scene.textures[index] for index in used]),
+            views=np.zeros((0, VIEW_STEPS, 3), dtype=np.float32)
+            if materials.emission_view is None
+            else materials.emission_view,
         )
 
 
