@@ -9,7 +9,7 @@ from collections.abc import Callable
 import bpy
 import numpy as np
 
-from .nodes import Maker, add, emission, material, mix, node, ramp, set_light_nodes
+from .nodes import Maker, add, diffuse, emission, material, mix, node, ramp, set_light_nodes
 from .stage import (
     ABOVE,
     GREEN,
@@ -142,6 +142,13 @@ def _linear_behind_panes() -> None:
     set_light_nodes(lamp("AREA", TESTED, energy=30.0).data, _linear())
 
 
+def _darkening() -> None:
+    """Hang a lamp that takes light away beside one that gives more, over a mirror."""
+    shiny = node("BsdfGlossy", Color=(0.8, 0.8, 0.8), Roughness=0.4)
+    room(material("Floor", mix(0.3, diffuse((0.6, 0.5, 0.4)), shiny)))
+    lamp("POINT", TESTED, (-0.8, 0.6, 2.4), energy=-15.0, color=(1.0, 0.6, 0.2))
+
+
 def _linear_linked() -> None:
     """Let a lamp that falls off linearly shine through a card that casts no shadow in its light."""
     _shaded_by_blockers()
@@ -191,6 +198,7 @@ CASES = (
     ),
     Case("light: falloff node, linear, area behind panes", _linear_behind_panes),
     Case("light: falloff node, linked", _linear_linked),
+    Case("light: negative", _darkening),
     Case("light: ray length", _lamp_nodes("POINT", lambda: emission((1, 1, 1), node("LightPath", "Ray Length")))),
     Case("light: constant nodes", _lamp_nodes("AREA", lambda: emission((1.0, 0.6, 0.3), 2.0), energy=30.0)),
     Case(

@@ -160,13 +160,10 @@ def _strength(light: bpy.types.Light, node_light: NodeLight | None, notes: Notes
     if not np.isfinite(strength).all():
         notes.add("left out", "its colour or power is not a number: enter it anew")
         return None
-    if not (strength > 0.0).any():
-        negative = (strength < 0.0).any()
-        notes.add("left out", _NEGATIVE if negative else "emits nothing: its colour, power or nodes are zero")
+    if not strength.any():
+        notes.add("left out", "emits nothing: its colour, power or nodes are zero")
         return None
-    if (strength < 0.0).any():
-        notes.add("simplified", _NEGATIVE)
-    return np.maximum(strength, 0.0)
+    return strength
 
 
 def _area(light: bpy.types.AreaLight, matrix: Float64, strength: Float64) -> tuple[type, Row]:

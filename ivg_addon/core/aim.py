@@ -241,7 +241,7 @@ def add_merit(photons, first, origins, directions, weights, standard, lengths, l
         t0, t1 = clip_to_box(x, inverse, 0.0, float(lengths[ray]), (1.0, 1.0, 1.0), -1)
         if t0 < t1:
             weight = (
-                max(weights[ray, 0], max(weights[ray, 1], weights[ray, 2]))
+                max(abs(weights[ray, 0]), max(abs(weights[ray, 1]), abs(weights[ray, 2])))
                 / standard[photons[ray] & (len(standard) - 1)]
             )
             merit[photons[ray] - first] += weight * weight * (t1 - t0) / diagonal

@@ -45,8 +45,8 @@ _LEAST_FACTOR = 0.05
 
 @inlined
 def largest_of(a, b, c):
-    """Return the largest of three numbers."""
-    return max(a, max(b, c))
+    """Return the largest of three numbers' magnitudes: a light may take light away."""
+    return max(abs(a), max(abs(b), abs(c)))
 
 
 @inlined
@@ -116,7 +116,7 @@ def _share(numbers, codes, views, lobe, part, front, cosine, w0, w1, w2):
                 green * max(b, _LEAST_FACTOR),
                 blue * max(c, _LEAST_FACTOR),
             )
-        share = max(0.0, largest_of(w0 * red, w1 * green, w2 * blue))
+        share = largest_of(w0 * red, w1 * green, w2 * blue)
     return share
 
 

@@ -11,7 +11,7 @@ normal s, both on the side it arrives at. It is reflected with density cos θ/π
 With s = g this is diffuse reflection; else it is its adjoint for shading normals (Veach, "Robust
 Monte Carlo Methods for Light Transport Simulation", 1997, §5.3): the surface then sends out what
 Cycles, which lights it by s, sees it send. The photon survives with probability
-q = min(1, max(w')/w₀), w₀ what emission calls the standard of the photon's weight, and weight w'/q:
+q = min(1, max |w'|/w₀), w₀ what emission calls the standard of the photon's weight, and weight w'/q:
 the expectation is w', and weights stay of the order that emission gave them.
 """
 
@@ -139,7 +139,7 @@ def scatter(
             cos_s = -(dx * sx + dy * sy + dz * sz)
             factor = max(0.0, cos_s / cos_g) if cos_g != 0.0 else 0.0
             r0, r1, r2 = r0 * factor, r1 * factor, r2 * factor
-        largest = max(r0, max(r1, r2))
+        largest = max(abs(r0), max(abs(r1), abs(r2)))
         if largest > WEIGHT_LIMIT:
             # Grazing hits on a coarse smooth mesh, several in a row: too rare to be measured.
             cap = WEIGHT_LIMIT / largest

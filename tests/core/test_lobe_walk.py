@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from ivg_addon.core import photon_walk
 from ivg_addon.core.bake import bake, prepare_course
 from ivg_addon.core.bumps import MIRRORED, OWN
 from ivg_addon.core.dual_cells import Lattice
+from ivg_addon.core.lights import Lights, PointLights
 from ivg_addon.core.lobe_scattering import MOST_PASSAGES
 from ivg_addon.core.photon_walk import Walk, walk_steps
 from ivg_addon.core.progress import finish
@@ -92,6 +93,34 @@ def test_a_closed_room_keeps_its_books() -> None:
     assert_means([each.escaped + each.absorbed + each.cut for each in made], 1.0)
     assert max(each.escaped.max() for each in made) < 1e-3
     assert min(each.cut.max() for each in made) > 0
+
+
+def test_a_lamp_may_take_light_away() -> None:
+    """One that takes half of what another at the same place gives: photons of both signs add up to the other half."""
+    given, taken = lamp((1, 1, 1.6)), lamp((1, 1, 1.6), (-0.5, -0.25, -0.5))
+    half = lamp((1, 1, 1.6), (0.5, 0.75, 0.5))
+    both = replace(
+        given,
+        point=PointLights(
+            names=("Lamp", "Taking"),
+            **{
+                each.name: np.concatenate([getattr(given.point, each.name), getattr(taken.point, each.name)])
+                for each in fields(PointLights)
+                if each.name not in ("names", "pattern", "falloff", "smooth")
+            },
+        ),
+    )
+
+    def absorbed(lights: Lights, seed: int) -> Float64:
+        """Return what surfaces absorb, and what is left after the last bounce, in watts."""
+        of = replace(mixed_room(), lights=lights)
+        lattice = Lattice(SETTINGS.bounds_min, SETTINGS.bounds_max, SETTINGS.resolution)
+        course = prepare_course(of, lattice, 4096)
+        made = finish(walk_steps(course, lattice, replace(SETTINGS, seed=seed, photons=4096)))
+        return np.array([made.absorbed, made.cut]) * course.emission.flux_scale
+
+    assert_means([absorbed(both, seed).sum(axis=0) for seed in range(24)], (0.5, 0.75, 0.5))
+    assert_means([absorbed(both, seed) - absorbed(half, 100 + seed) for seed in range(24)], 0.0)
 
 
 # --- Furnaces ---------------------------------------------------------------------------------------------------------

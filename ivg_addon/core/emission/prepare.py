@@ -3,11 +3,11 @@
 
 A photon picks the emitter e with probability s_e / Σ s, s_e the largest channel of its power, and
 carries the flux w_e Σ s / N of N photons, w_e = power / s_e: the largest channel of its weight
-is 1, whatever the emitter. What emits in a way that has no closed form is sampled with failures
-whose chance is known: s_e is the larger by that, and a photon that failed has weight 0. Textured
-triangles have no power in closed form either: their s_e is that of a bound, of which photons carry
-the share that the texture has where they start. A guide (`guide.py`) makes s_e larger and weights
-smaller.
+is 1, whatever the emitter, or −1 of a lamp that takes light away. What emits in a way that has no
+closed form is sampled with failures whose chance is known: s_e is the larger by that, and a photon
+that failed has weight 0. Textured triangles have no power in closed form either: their s_e is that
+of a bound, of which photons carry the share that the texture has where they start. A guide
+(`guide.py`) makes s_e larger and weights smaller.
 """
 
 from __future__ import annotations
@@ -190,14 +190,14 @@ def prepare_emission(scene: Scene, bounds_min: ArrayLike, bounds_max: ArrayLike)
 
     shadows = zip(suns.largest_shadow, boxes, strict=True)
     surroundings = [_strengths(sun_flux, shadow, lights, one) for shadow, one in shadows]
-    strengths = np.concatenate([*(s.max(axis=1) for s in sampled), *surroundings, mesh_strengths])
+    strengths = np.concatenate([*(np.abs(s).max(axis=1) for s in sampled), *surroundings, mesh_strengths])
     cumulative = np.cumsum(strengths)
     if not cumulative[-1] > 0.0:
         raise SceneError(
             f"scene '{scene.name}' has no light: add a light, a material that emits, or a world colour other than black"
         )
     light_powers = np.concatenate([*powers, world[None]])
-    largest = colors.max(axis=1, keepdims=True)
+    largest = np.abs(colors).max(axis=1, keepdims=True)
     return Emission(
         power=light_powers.sum(axis=0) + in_maps.sum(axis=0) + mesh_power,
         flux_scale=float(cumulative[-1]),
@@ -238,17 +238,17 @@ def _powers(lights: Lights, points: PointEmitters) -> tuple[list[Float64], list[
 
 def _strengths(sun_flux: Float64, largest_shadow: Float64, lights: Lights, box: Box) -> Float64:
     """Return what suns, the world and maps send into a box, (sources,) W, photons that miss it included."""
-    suns = (sun_flux * largest_shadow[:, None]).max(axis=1)
+    suns = np.abs(sun_flux * largest_shadow[:, None]).max(axis=1)
     world = np.pi * float(lights.world.max()) * 2.0 * box.areas.sum()
     return np.concatenate([suns, [world], map_strengths(lights.environment, box)])
 
 
 def _check_powers(lights: Lights, powers: Float64, surroundings: Sequence[Float64]) -> None:
-    """Raise `SceneError` that names the first light whose power is not a number, or negative."""
+    """Raise `SceneError` that names the first light whose power is not a number; only lamps may take light away."""
     names = (*lights.names, *(None for _ in surroundings))
     for name, power in zip(names, (*powers, *surroundings), strict=True):
-        if not (np.isfinite(power) & (power >= 0.0)).all():
+        if not (np.isfinite(power) & ((power >= 0.0) | (name is not None))).all():
             subject = "the world" if name is None else f"light '{name}'"
-            raise SceneError(f"{subject} has power {power} W: use finite, positive values")
+            raise SceneError(f"{subject} has power {power} W: use finite values{', not negative' * (name is None)}")
     if any((one.radiance < 0.0).any() for one in lights.environment):
         raise SceneError("the world has negative radiance: use positive values")
