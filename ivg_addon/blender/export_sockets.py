@@ -18,7 +18,7 @@ from ..core.closures import VIEWS, Directed, Leaf, Normal, Value
 from ..core.principled import dielectric_curve, facing_curve, mean_reflectance
 from .export_colours import LUMINANCE, RAY_THAT_SHADES, Notes
 from .export_images import ImageUse
-from .export_needs import DIFFERS_BY_PATH, Needs, is_undefined, network_needs
+from .export_needs import DIFFERS_BY_PATH, Needs, is_undefined, network_needs, upstream
 from .export_nodes import Input, Output, follow
 from .export_normals import bends, from_behind, normal_needs, tilting, turns_with_objects
 
@@ -127,6 +127,8 @@ class SocketReader:
             self.notes.add("warning", f"{name}: node '{node.name}' is of an unknown type: ignored, as in Cycles")
             return _constant(own, colour)
         if directed and network_needs(entry).averaged:
+            for each in upstream(entry):
+                self._note_ignored(each, ("Blend", "IOR", "Normal"))
             return Directed(tuple(self._leaf(end, output, name, colour, own, cosine) for cosine in VIEWS))
         return self._leaf(end, output, name, colour, own)
 
@@ -224,10 +226,20 @@ class SocketReader:
 
     def view_factor(self, output: Output) -> tuple[str, Value] | None:
         """Return shape and value of the `closures.Factor` that an output is by the direction of view, None if none."""
+        self._note_ignored(output, ("Blend", "Normal"))
         if output.node.type == "LAYER_WEIGHT" and output.socket.name == "Facing":
             return "FACING", (_plain(output, "Blend"),)
         ior = self._fresnel_ior(output)
         return None if ior is None else ("FRESNEL", ior)
+
+    def _note_ignored(self, output: Output, names: tuple[str, ...]) -> None:
+        """Say which inputs of a Fresnel or Layer Weight node are not read where networks are linked to them."""
+        if output.node.type in ("FRESNEL", "LAYER_WEIGHT"):
+            for socket in output.node.inputs:
+                source = follow(Input(socket, output.groups))[1] if socket.identifier in names else None
+                if source is not None and source.node.type != "VALUE" and tilting(Input(socket, output.groups)):
+                    what = f"{output.label} node: what is linked to its {socket.name} is ignored"
+                    self.notes.add("simplified", what)
 
     def _fresnel_ior(self, output: Output) -> Value | None:
         """Return the index of refraction of the dielectric whose reflectance an output is, None if it is none."""

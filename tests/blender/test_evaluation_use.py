@@ -106,6 +106,12 @@ def test_colours_by_the_direction_of_view_are_known_by_direction() -> None:
     assert said(scene) == []
 
 
+def test_what_is_linked_to_the_direction_of_view_is_named() -> None:
+    weight = through("LayerWeight", "Blend", NUMBER, "Facing")
+    show(diffuse(through("ValToRGB", "Fac", weight, "Color")))
+    assert said(evaluated_scene()) == ["simplified: Layer Weight node: what is linked to its Blend is ignored"]
+
+
 def test_other_numbers_by_the_direction_of_view_are_averaged_and_named() -> None:
     facing = through("Math", 0, node_output("LayerWeight", "Facing"), operation="ADD")
     show(surface(shader("BsdfGlossy", Roughness=facing)))
