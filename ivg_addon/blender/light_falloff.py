@@ -9,11 +9,14 @@ from .export_nodes import Output, follow
 from .light_content import nodes_in
 
 _POWERS = {"Quadratic": 0, "Linear": 1, "Constant": 2}
+_READ = {("LIGHT_PATH", "Ray Length"), *(("LIGHT_FALLOFF", name) for name in _POWERS)}
+"""Outputs that are read where they are a light's strength."""
 
 
 def read_falloff(tree: bpy.types.ShaderNodeTree) -> tuple[int, float] | None:
     """Return k and s of `core.falloff` if a tree's only shader has a Light Falloff as its strength, else None.
 
+    So does Light Path's Ray Length: a strength that grows with the distance is a linear falloff.
     Nothing else may know the distance: then all of its light is proportional to that strength.
     """
     node = tree.get_output_node("CYCLES")
@@ -23,12 +26,17 @@ def read_falloff(tree: bpy.types.ShaderNodeTree) -> tuple[int, float] | None:
     if shader is None or shader.node.type != "EMISSION":
         return None
     _, strength = follow(shader.input("Strength"))
-    if strength is None or strength.node.type != "LIGHT_FALLOFF":
+    if strength is None or (strength.node.type, strength.socket.name) not in _READ:
         return None
     knowing = [one for one in nodes_in(tree) if knows_distance(one, _linked(one))]
-    own, only = strength.input("Smooth"), sum(len(output.links) for output in strength.node.outputs) == 1
-    smooth, network = follow(own)
-    if network is not None or not only or [one for one in knowing if one != strength.node]:
+    far = strength.node.type == "LIGHT_PATH"
+    links = strength.socket.links if far else [link for output in strength.node.outputs for link in output.links]
+    if len(links) != 1 or [one for one in knowing if one != strength.node]:
+        return None
+    if far:
+        return 1, 0.0
+    smooth, network = follow(strength.input("Smooth"))
+    if network is not None:
         return None
     return _POWERS[strength.socket.name], max(float(smooth.socket.default_value), 0.0)
 

@@ -176,7 +176,6 @@ def test_the_file_is_left_as_it_was() -> None:
 @pytest.mark.parametrize(
     ("kind", "node", "output", "message"),
     [
-        ("POINT", "ShaderNodeLightPath", "Ray Length", "falls off with the square of the distance"),
         ("AREA", "ShaderNodeLayerWeight", "Facing", "from all sides as bright as its nodes make it straight on"),
         ("SUN", "ShaderNodeTexNoise", "Fac", "all of its disc as bright as its nodes make the middle"),
     ],
@@ -203,11 +202,19 @@ def test_falloff_is_read(kind: str, output: str, power: int) -> None:
     assert (one.falloff.tolist(), one.smooth.tolist()) == ([power], [0.5])
 
 
-def test_falloff_that_is_not_all_of_the_strength_is_named() -> None:
-    node = lamp("POINT", "ShaderNodeLightFalloff", "Linear")
+def test_a_strength_that_is_the_distance_falls_off_linearly() -> None:
+    lamp("POINT", "ShaderNodeLightPath", "Ray Length")
+    light = measured()
+    assert (light.falloff, light.smooth, light.notices) == (1, 0.0, ())
+    np.testing.assert_allclose(light.colour, 1.0, rtol=1e-3)
+
+
+@pytest.mark.parametrize(("kind", "output"), [("LightFalloff", "Linear"), ("LightPath", "Ray Length")])
+def test_falloff_that_is_not_all_of_the_strength_is_named(kind: str, output: str) -> None:
+    node = lamp("POINT", f"ShaderNode{kind}", output)
     tree = node.id_data
-    emission = node.outputs["Linear"].links[0].to_node
-    tree.links.new(node.outputs["Linear"], emission.inputs["Color"])
+    emission = node.outputs[output].links[0].to_node
+    tree.links.new(node.outputs[output], emission.inputs["Color"])
     light = measured()
     assert (light.falloff, light.smooth) == (0, 0.0)
     assert "falls off with the square of the distance" in str(light.notices[0])
