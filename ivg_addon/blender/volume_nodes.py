@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import bpy
 
-from ..core.look_up_rules import LEAST_DIVIDED, LEAST_SPOKEN, WITHIN
+from ..core.look_up_rules import FULLY_COUNTED, LEAST_DIVIDED, LEAST_SPOKEN, WITHIN
 from ..core.vdb_grid import CHANNELS, DIVIDED, PLANE_NORMALS, PLANE_OFFSETS, PLANE_SLACKS, RESOLUTION
 from .geometry_maths import GeometryMaths
 from .node_formulas import Socket, Value
@@ -192,8 +192,9 @@ class _LookUp:
         return self._build.vector("MINIMUM", self._build.vector("MAXIMUM", x, (0.0, 0.0, 0.0)), self._top)
 
     def _lit(self, vertex: Socket) -> Socket:
-        """Return 1 if a vertex has lit volume, else 0."""
-        return self._build.math("GREATER_THAN", self._at("FLOAT", self._validity, vertex), 0.0)
+        """Return how much a vertex counts, by the lit share of its cell."""
+        share = self._build.math("DIVIDE", self._at("FLOAT", self._validity, vertex), FULLY_COUNTED)
+        return self._build.math("MINIMUM", share, 1.0)
 
     def _grid(self, kind: str, name: str) -> Socket:
         """Return one of the volume's grids."""

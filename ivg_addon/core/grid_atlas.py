@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from .errors import SettingsError
 from .grid import IrradianceVectorGrid
+from .look_up_rules import FULLY_COUNTED
 from .moments import NAMES, moments
 from .partitions import Partitions
 from .settings import Spatial
@@ -35,8 +36,8 @@ Float32 = NDArray[np.float32]
 PLANES = (*NAMES, "lit")
 """In the order of the image; red, green and blue of the first twelve are the three channels.
 
-Of ``lit``, red is the validity, green 1 where a vertex takes part in look-ups and 0 where not, blue 1 where it does
-and walls divide it, 0 where not.
+Of ``lit``, red is the validity, green how much a vertex counts in look-ups, from 0 to 1, by which its other planes are
+multiplied, blue the same where walls divide it, and 0 where not.
 """
 LIT = PLANES.index("lit")
 BORDER = 1
@@ -164,12 +165,11 @@ def _planes(values: Float32, grid: IrradianceVectorGrid, where: AtlasLayout) -> 
     texels = np.empty((slices, where.planes, validity.shape[1], validity.shape[0], 3), dtype=np.float32)
     divided = grid.partitions.divided.reshape(validity.shape)
     for k in range(slices):
-        lit = validity[:, :, k] > 0.0
-        # Vertices that take no part are black, whatever they hold.
-        texels[k, :LIT] = (moments(values[:, :, k]) * lit[..., None, None]).transpose(2, 1, 0, 3)
+        counts = np.minimum(validity[:, :, k] / FULLY_COUNTED, 1.0)
+        texels[k, :LIT] = (moments(values[:, :, k]) * counts[..., None, None]).transpose(2, 1, 0, 3)
         texels[k, LIT, ..., 0] = validity[:, :, k].T
-        texels[k, LIT, ..., 1] = lit.T
-        texels[k, LIT, ..., 2] = (divided[:, :, k] & lit).T
+        texels[k, LIT, ..., 1] = counts.T
+        texels[k, LIT, ..., 2] = (divided[:, :, k] * counts).T
     if where.walls:
         walls = _walls(grid.partitions, where.walls).reshape(*validity.shape, where.walls + 1, 3)
         texels[:, len(PLANES) :] = walls.transpose(2, 3, 1, 0, 4)

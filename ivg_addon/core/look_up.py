@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from .compiled import inlined, kernel, merged
 from .dual_cells import Lattice
-from .look_up_rules import LEAST_DIVIDED, LEAST_SPOKEN, WITHIN
+from .look_up_rules import FULLY_COUNTED, LEAST_DIVIDED, LEAST_SPOKEN, WITHIN
 from .partitions import Partitions
 from .reconstruction import DIRECTIONAL_CODES, directional_coefficients
 from .settings import Directional, Spatial
@@ -69,7 +69,7 @@ def stencil(g, counts, support, base, w):
 def weigh(validity, counts, support, base, w, vertices, weights):
     """Fill vertices and weights, (support³,) each, of a stencil; beyond the grid the edge repeats.
 
-    Vertices without lit volume get no weight.
+    Vertices without lit volume get no weight, those with little of it less.
 
     Returns
     -------
@@ -89,7 +89,7 @@ def weigh(validity, counts, support, base, w, vertices, weights):
                 weight = wab * w[2, c]
                 unlit += weight * (1.0 - validity[vertex])
                 vertices[entry] = vertex
-                weights[entry] = weight if validity[vertex] > 0.0 else 0.0
+                weights[entry] = weight * min(1.0, validity[vertex] / FULLY_COUNTED)
                 entry += 1
     return unlit
 

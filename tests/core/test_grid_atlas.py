@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ivg_addon.core.errors import SettingsError
 from ivg_addon.core.grid import IrradianceVectorGrid
 from ivg_addon.core.grid_atlas import BORDER, LARGEST_SIDE, LIT, PLANES, AtlasLayout, atlas, layout
+from ivg_addon.core.look_up_rules import FULLY_COUNTED
 from ivg_addon.core.partitions import Partitions
 from ivg_addon.core.reconstruction import coefficients
 from ivg_addon.core.settings import Directional, Spatial
@@ -23,6 +24,7 @@ def random_grid() -> IrradianceVectorGrid:
     """Return a grid of random vectors, some vertices unlit, others in part."""
     rng = np.random.default_rng(3)
     validity = np.clip(rng.uniform(-0.3, 1.5, LATTICE.shape), 0.0, 1.0)
+    validity[::2, 1] *= 0.05
     return grid(rng.normal(size=(*LATTICE.shape, 6, 3, 3)), validity)
 
 
@@ -52,16 +54,17 @@ def test_vertices_give_their_irradiance_for_any_normal() -> None:
 def test_planes_hold_what_trilinear_interpolation_needs() -> None:
     baked = random_grid()
     where, pixels = layout(baked.resolution), atlas(baked)
-    values = baked._interpolated[Spatial.TRILINEAR].astype(np.float64) * (baked.validity > 0)[..., None, None, None]
+    counts = np.minimum(baked.validity / FULLY_COUNTED, 1.0)
+    values = baked._interpolated[Spatial.TRILINEAR].astype(np.float64)
     for k in range(3):
         for j in range(3):
-            difference = values[..., 2 * k, :, j] - values[..., 2 * k + 1, :, j]
+            difference = (values[..., 2 * k, :, j] - values[..., 2 * k + 1, :, j]) * counts[..., None]
             np.testing.assert_array_equal(
                 texels(pixels, where, PLANES.index(f"D_{'xyz'[k]}{'xyz'[j]}")), difference.astype(np.float32)
             )
     lit = texels(pixels, where, LIT)
     np.testing.assert_array_equal(lit[..., 0], baked.validity)
-    np.testing.assert_array_equal(lit[..., 1], baked.validity > 0)
+    np.testing.assert_array_equal(lit[..., 1], counts)
 
 
 def test_walls_stand_in_planes_of_their_own() -> None:

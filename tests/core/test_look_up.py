@@ -20,7 +20,7 @@ from ivg_addon.core.partitions import Partitions
 from ivg_addon.core.reconstruction import coefficients
 from ivg_addon.core.settings import Directional, Spatial
 
-from .grids import LATTICE, UNIFORM, grid
+from .grids import LATTICE, UNIFORM, grid, own_weights
 
 Float64 = NDArray[np.float64]
 
@@ -93,6 +93,17 @@ def test_unlit_vertices_are_left_out(
     assert e == pytest.approx([uniform] * 3, rel=1e-4) or (e == 0).all()
     if spatial is Spatial.TRICUBIC:
         assert (e > 0).all() or (_nearest(validity, point) == 0).all()
+
+
+def test_a_vertex_with_a_sliver_of_light_counts_by_its_share() -> None:
+    """Between a lit vertex and one of which a fortieth is lit, half of a twentieth: weights 1 and ½."""
+    lattice = Lattice((0, 0, 0), (1, 1, 1), (1, 1, 1))
+    dark = lattice.vertex_positions()[..., 0] == 0
+    vectors = np.where(dark[..., None, None, None], 0.0, UNIFORM)
+    found = grid(vectors, np.where(dark, 1.0, 0.025), lattice, own_weights(lattice)).irradiance(
+        [(0.5, 0.5, 0.5)], [(0.0, 0.0, 1.0)], normal_bias=0.0
+    )
+    np.testing.assert_allclose(found, math.pi / 3.0, rtol=1e-5)
 
 
 def _nearest(validity: Float64, point: Float64) -> Float64:
