@@ -33,6 +33,7 @@ from .progress import Progress
 from .scene import Float32
 from .settings import BakeSettings
 from .tally import clip_to_box, in_voxels
+from .vectors import largest_of
 
 if TYPE_CHECKING:
     from .emission.prepare import Draws
@@ -240,8 +241,6 @@ def add_merit(photons, first, origins, directions, weights, standard, lengths, l
         x, inverse = in_voxels(origins, ray, d, low, extent)
         t0, t1 = clip_to_box(x, inverse, 0.0, float(lengths[ray]), (1.0, 1.0, 1.0), -1)
         if t0 < t1:
-            weight = (
-                max(abs(weights[ray, 0]), max(abs(weights[ray, 1]), abs(weights[ray, 2])))
-                / standard[photons[ray] & (len(standard) - 1)]
-            )
+            largest = largest_of(weights[ray, 0], weights[ray, 1], weights[ray, 2])
+            weight = largest / standard[photons[ray] & (len(standard) - 1)]
             merit[photons[ray] - first] += weight * weight * (t1 - t0) / diagonal

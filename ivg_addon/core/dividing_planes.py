@@ -7,6 +7,7 @@ from .cell_points import vertex_indices
 from .compiled import inlined, kernel
 from .partitions import MOST_PLANES
 from .sides import side_distance
+from .vectors import largest_of
 
 _NEAR = 0.1
 """Voxels up to which a vertex is taken to lie in a wall: so that all of a layer in its plane speak for the same side,
@@ -124,7 +125,7 @@ def turn_to_own_side(vertex, counts, points, lit, own, plane):
         x, y, z = points[point, 0] - i, points[point, 1] - j, points[point, 2] - k
         weight = max(0.0, 1.0 - abs(x)) * max(0.0, 1.0 - abs(y)) * max(0.0, 1.0 - abs(z))
         if (is_ahead(points, point, plane)) == (distance > 0.0):
-            if max(abs(x), max(abs(y), abs(z))) <= 0.5:
+            if largest_of(x, y, z) <= 0.5:
                 in_cell += 1
                 lit_in_cell += lit[point]
             if own[point]:

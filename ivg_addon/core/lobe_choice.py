@@ -33,6 +33,7 @@ from .matte import view_factor
 from .microfacets import MEAN_EDGE, dielectric_reflectance, edge_factor, fresnel_factor
 from .scene import GLASS, GLOSSY, MATTE, NO_TEXTURE, NONE, REFRACTION, SCHLICK, SHEEN, TRANSLUCENT, TRANSPARENT
 from .textures import sample_texture
+from .vectors import largest_of
 
 DIFFUSE = -1
 """Stands for the row of a lobe: a diffuse one that is nothing but a cosine is none of them."""
@@ -41,12 +42,6 @@ _REFLECTS, TRANSMITS = 1, 2
 """What a row of the table is asked for: what it sends back, what it lets through, the sum for both."""
 _LEAST_FACTOR = 0.05
 """Facets turned elsewhere than the surface have other Fresnel factors: none is taken for nothing."""
-
-
-@inlined
-def largest_of(a, b, c):
-    """Return the largest of three numbers' magnitudes: a light may take light away."""
-    return max(abs(a), max(abs(b), abs(c)))
 
 
 @inlined

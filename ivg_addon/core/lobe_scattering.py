@@ -43,7 +43,6 @@ from .lobe_choice import (
     TRANSMITS,
     facet_fate,
     glass_part,
-    largest_of,
     lobe_color,
     look_up_lobes,
     pick_lobe,
@@ -72,7 +71,7 @@ from .surface_bins import BACK, FRONT, patch_of
 from .surfaces import corner, place_at, shading_normal, texture_coordinates
 from .tally import WEIGHT_LIMIT
 from .textures import surface_albedo
-from .vectors import cosine_direction, offset_distance, orthonormal_basis
+from .vectors import cosine_direction, largest_of, offset_distance, orthonormal_basis
 
 MOST_PASSAGES = 8
 """Transparent surfaces that a photon passes in its life: Cycles' default `transparent_max_bounces`."""

@@ -21,6 +21,7 @@ from .partitions import Partitions
 from .reconstruction import DIRECTIONAL_CODES, directional_coefficients
 from .settings import Directional, Spatial
 from .sides import hears, speaks_for
+from .vectors import largest_of
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
@@ -162,7 +163,7 @@ def blend(vectors, vertices, weights, size, blended):
 @inlined
 def unit(x, y, z):
     """Return the unit vector along a vector of any length that floats can hold, but zero."""
-    largest = max(abs(x), max(abs(y), abs(z)))
+    largest = largest_of(x, y, z)
     x, y, z = x / largest, y / largest, z / largest
     length = math.sqrt(x * x + y * y + z * z)
     return x / length, y / length, z / length

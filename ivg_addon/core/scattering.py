@@ -27,7 +27,7 @@ from .surface_bins import BACK, FRONT, patch_of
 from .surfaces import corner, place_at, shading_normal, texture_coordinates
 from .tally import WEIGHT_LIMIT
 from .textures import surface_albedo
-from .vectors import cosine_direction, offset_distance
+from .vectors import cosine_direction, largest_of, offset_distance
 
 ENERGY_STEPS = float(1 << 30)
 """Fixed-point steps of the energy sums for a weight of one."""
@@ -139,7 +139,7 @@ def scatter(
             cos_s = -(dx * sx + dy * sy + dz * sz)
             factor = max(0.0, cos_s / cos_g) if cos_g != 0.0 else 0.0
             r0, r1, r2 = r0 * factor, r1 * factor, r2 * factor
-        largest = max(abs(r0), max(abs(r1), abs(r2)))
+        largest = largest_of(r0, r1, r2)
         if largest > WEIGHT_LIMIT:
             # Grazing hits on a coarse smooth mesh, several in a row: too rare to be measured.
             cap = WEIGHT_LIMIT / largest

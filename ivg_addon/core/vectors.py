@@ -12,6 +12,12 @@ _OFFSET_EXTENT = 2e-7
 
 
 @inlined
+def largest_of(a, b, c):
+    """Return the largest of three numbers' magnitudes."""
+    return max(abs(a), max(abs(b), abs(c)))
+
+
+@inlined
 def orthonormal_basis(nx, ny, nz):
     """Return tangent and bitangent (six floats) of the unit vector n.
 
