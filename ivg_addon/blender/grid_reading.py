@@ -9,6 +9,7 @@ from itertools import product
 import bpy
 
 from ..core.dual_cells import Lattice
+from ..core.grid import DEFAULT_NORMAL_BIAS
 from ..core.grid_atlas import BORDER, LIT, AtlasLayout
 from .node_formulas import Socket
 from .shader_maths import BLACK, Colour, ShaderMaths
@@ -72,18 +73,21 @@ class Reading:
     def corners(self, maths: ShaderMaths, voxel: Socket) -> dict[Corner, Socket]:
         """Return the texture coordinates of a voxel's vertices in the first plane."""
         width, height = self.texel
-        k = maths.separated(voxel)[2]
-        slices = [self.in_slice(maths, voxel, one) for one in (k, maths.math("ADD", k, 1.0))]
+        lowest, k = self.in_plane(maths, voxel), maths.separated(voxel)[2]
+        slices = [self.in_slice(maths, lowest, one) for one in (k, maths.math("ADD", k, 1.0))]
         return {
             (i, j, k): maths.vector("ADD", slices[k], (i * width, j * height, 0.0)) if i or j else slices[k]
             for i, j, k in CORNERS
         }
 
-    def in_slice(self, maths: ShaderMaths, place: Socket, k: Socket) -> Socket:
-        """Return the texture coordinates of a place, whatever its height, in the first plane of a slice."""
+    def in_plane(self, maths: ShaderMaths, place: Socket) -> Socket:
+        """Return the texture coordinates of a place, whatever its height, in the first plane of slice 0."""
         width, height = self.texel
         middle = BORDER + 0.5
-        at = maths.vector("MULTIPLY_ADD", place, (width, height, 0.0), (middle * width, middle * height, 0.0))
+        return maths.vector("MULTIPLY_ADD", place, (width, height, 0.0), (middle * width, middle * height, 0.0))
+
+    def in_slice(self, maths: ShaderMaths, at: Socket, k: Socket) -> Socket:
+        """Return the texture coordinates in slice k of what is `at` some in slice 0."""
         return maths.vector("ADD", at, self._slice(maths, k))
 
     def _slice(self, maths: ShaderMaths, k: Socket) -> Socket:
@@ -103,10 +107,17 @@ def weights(maths: ShaderMaths, fraction: Socket) -> dict[Corner, Socket]:
     return {(i, j, k): maths.math("MULTIPLY", along[0][i], rows[j, k]) for i, j, k in CORNERS}
 
 
-def unlit(maths: ShaderMaths, reading: Reading, place: Socket, voxel: Socket) -> Socket:
-    """Return the unlit share of the cells around a place in a voxel."""
+def lit_by_vertices(maths: ShaderMaths, reading: Reading, place: Socket, voxel: Socket) -> Socket:
+    """Return the interpolated texel of what is lit around a place in a voxel, as a colour."""
     texels = reading.corners(maths, voxel)
     lit: Colour = BLACK
     for corner, weight in weights(maths, maths.vector("SUBTRACT", place, voxel)).items():
         lit = maths.added(lit, weight, reading.plane(maths, texels[corner], LIT))
-    return maths.math("MAXIMUM", maths.math("SUBTRACT", 1.0, maths.channel(lit, 0)), 0.0)
+    assert isinstance(lit, Socket)
+    return lit
+
+
+def bias(maths: ShaderMaths, lit: Socket, surface: Socket) -> Socket:
+    """Return how far the normal bias moves a look-up, by what is lit around and by the surface's own normal."""
+    unlit = maths.math("MAXIMUM", maths.math("SUBTRACT", 1.0, maths.channel(lit, 0)), 0.0)
+    return maths.scaled(surface, maths.math("MULTIPLY", unlit, DEFAULT_NORMAL_BIAS))

@@ -10,11 +10,10 @@ from __future__ import annotations
 
 import bpy
 
-from ..core.grid import DEFAULT_NORMAL_BIAS
 from ..core.look_up_rules import LEAST_DIVIDED
 from ..core.moments import NAMES
 from ..core.settings import Spatial
-from .grid_reading import Reading
+from .grid_reading import Reading, bias
 from .node_formulas import Number, Socket
 from .open_look_up import fill_slice, irradiance_in_the_open, lit_around
 from .reconstruction_nodes import coefficients
@@ -44,9 +43,7 @@ def fill(group: bpy.types.ShaderNodeTree, reading: Reading, spatial: Spatial, pa
     rows: Inputs = {name: row for name, row in zip(NAMES, coefficients(maths, normal), strict=True)}
     place = reading.place(maths, geometry.outputs["Position"])
     around = lit_around(maths, reading, spatial, place)
-    unlit = maths.math("MAXIMUM", maths.math("SUBTRACT", 1.0, maths.channel(around, 0)), 0.0)
-    off = maths.scaled(surface, maths.math("MULTIPLY", unlit, DEFAULT_NORMAL_BIAS))
-    moved = reading.within(maths, maths.vector("ADD", place, off))
+    moved = reading.within(maths, maths.vector("ADD", place, bias(maths, around, surface)))
     fill_slice(part("slice"), reading, spatial)
     found = irradiance_in_the_open(maths, reading, spatial, part("slice"), moved, rows)
 

@@ -85,7 +85,8 @@ def _slices(maths: ShaderMaths, reading: Reading, spatial: Spatial, place: Socke
         lowest = maths.math("MAXIMUM", maths.math("SUBTRACT", k, 1.0), 0.0)
         highest = maths.math("MINIMUM", maths.math("ADD", k, 2.0), last)
         found = list(zip((lowest, k, upper, highest), _cubic(maths, above), strict=True))
-    return [(reading.in_slice(maths, place, number), weight) for number, weight in found]
+    at = reading.in_plane(maths, place)
+    return [(reading.in_slice(maths, at, number), weight) for number, weight in found]
 
 
 def _cubic(maths: ShaderMaths, f: Socket) -> tuple[Socket, Socket, Socket, Socket]:

@@ -10,11 +10,10 @@ from collections.abc import Callable
 
 import bpy
 
-from ..core.grid import DEFAULT_NORMAL_BIAS
 from ..core.grid_atlas import LIT
 from ..core.look_up_rules import WITHIN
 from ..core.moments import NAMES
-from .grid_reading import CORNERS, Reading, unlit, weights
+from .grid_reading import CORNERS, Reading, bias, lit_by_vertices, weights
 from .node_formulas import Socket
 from .shader_maths import BLACK, Colour, Inputs, ShaderMaths
 from .wall_nodes import Beside, fill_asked, fill_sides, in_turn, step_back
@@ -62,9 +61,8 @@ def irradiance_by_vertices(
     else:
         fill_vertex(vertex, reading, None)
         beside = Beside(place, reading.voxel(maths, place), None)
-    share = unlit(maths, reading, beside.place, beside.voxel)
-    off = maths.scaled(surface, maths.math("MULTIPLY", share, DEFAULT_NORMAL_BIAS))
-    voxel, fraction = _moved(maths, reading, beside, off)
+    lit = lit_by_vertices(maths, reading, beside.place, beside.voxel)
+    voxel, fraction = _moved(maths, reading, beside, bias(maths, lit, surface))
 
     common = coefficients
     if beside.divided is not None:
