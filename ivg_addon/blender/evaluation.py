@@ -28,7 +28,7 @@ from .asking import Asker, Find, here
 from .cycles_stage import bake_into_images, removed
 from .evaluation_cache import Float32, cache_folder, content_key, keep, recall, tree_content
 from .evaluation_mesh import StageArrays, Surroundings, make_mesh, stage_arrays
-from .evaluation_normals import texel_normals
+from .evaluation_normals import Texels, texel_normals
 from .evaluation_tree import StageMaterial
 from .export_materials import Evaluated, Unevaluated
 from .export_sockets import DISPLACEMENT
@@ -267,6 +267,7 @@ def _bake(find: Find, task: str, batch: Sequence[_Work], conditions: _Conditions
             size = (work.plan.atlas.width, work.plan.atlas.height)
             materials.append(StageMaterial(stack, original, work.pending.tree.leaves, size))
             mesh.materials.append(materials[-1].material)
+        covered = [work.plan.atlas.texels() for work in batch]
         for normals in (False, True):
             if normals:
                 # As they are at the texels' centres: the mean of many would be less bumpy than each.
@@ -276,21 +277,22 @@ def _bake(find: Find, task: str, batch: Sequence[_Work], conditions: _Conditions
                 for material, showing in zip(materials, turn, strict=True):
                     material.show(showing)
                 _bake_emission(stage, shown)
-                for material, showing, work, leaves in zip(materials, turn, batch, values, strict=True):
+                for material, showing, work, texels, leaves in zip(
+                    materials, turn, batch, covered, values, strict=True
+                ):
                     if showing:
-                        _take(material, showing, work, leaves)
+                        _take(material, showing, work, texels, leaves)
     return values
 
 
-def _take(material: StageMaterial, showing: Sequence[int], work: _Work, leaves: list[Float32]) -> None:
-    """Fill in the values of the leaves that were baked."""
+def _take(material: StageMaterial, showing: Sequence[int], work: _Work, texels: Texels, leaves: list[Float32]) -> None:
+    """Fill in the values of the leaves that were baked; `texels` are those of the atlas."""
     sources = work.pending.tree.leaves
-    texels, _ = work.plan.atlas.texels()
-    baked = _pixels(material.image)[texels]
+    baked = _pixels(material.image)[texels[0]]
     for channel, index in enumerate(showing):
         if sources[index].normal:
             bent = sources[index].socket == DISPLACEMENT
-            leaves[index] = texel_normals(2.0 * baked - 1.0, work.plan, work.arrays, bent)
+            leaves[index] = texel_normals(2.0 * baked - 1.0, work.plan, texels, work.arrays, bent)
         elif sources[index].colour:
             leaves[index] = baked
         else:

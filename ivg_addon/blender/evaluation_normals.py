@@ -13,22 +13,26 @@ from .evaluation_mesh import StageArrays, flat_normals
 from .evaluation_tree import ATLAS
 
 Float64 = NDArray[np.float64]
+Texels = tuple[NDArray[np.int64], NDArray[np.int64]]
+"""The covered texels of an atlas, and of which triangle each is."""
 
 _SLICE = 1 << 18
 """Texels that are treated at a time."""
 
 
-def texel_normals(baked: Float32, plan: Plan, arrays: StageArrays, bent: bool) -> Float32:
+def texel_normals(baked: Float32, plan: Plan, covered: Texels, arrays: StageArrays, bent: bool) -> Float32:
     """Return the normals (k, 3) of an atlas's texels as `bumps` has them.
 
     Parameters
     ----------
     baked : (k, 3)
         In world space, at the texels' centres.
+    covered
+        Of `plan.atlas.texels`.
     bent
         By displacement, which is told in the object's own lengths: on the stage these are metres.
     """
-    texels, owners = plan.atlas.texels()
+    texels, owners = covered
     scale = np.ones(len(plan.atlas.size))
     if bent:
         scale = np.concatenate(
