@@ -22,6 +22,7 @@ from .errors import SceneError
 from .grid import BakeRecord, IrradianceVectorGrid, grid_bytes
 from .lit_volume import LightKnowledge, LitParts, lit_part_steps
 from .memory import require
+from .outshone import outshone_steps
 from .partitioning import parting, partition_steps
 from .partitions import Partitions
 from .photon_walk import BATCH, Course, Walk, Walkers, thread_count, walk_steps
@@ -136,8 +137,11 @@ def bake_steps(scene: Scene, settings: BakeSettings) -> Generator[Progress, None
     lit_start = time.perf_counter()
     if _measures_lit_volume(settings):
         knowledge = light_knowledge(scene, course, walk.bin_counts)
+        search = outshone_steps(knowledge, course.walls, lattice, partitions, settings.seed, settings.threads)
+        outshone = yield from part(search, photon_share, photon_share)
         which = settings.lit_points, settings.seed, settings.threads
-        parts = yield from part(lit_part_steps(knowledge, lattice, partitions, *which), photon_share, 1.0)
+        measuring = lit_part_steps(knowledge, lattice, partitions, outshone, *which)
+        parts = yield from part(measuring, photon_share, 1.0)
     else:
         parts = LitParts.whole(lattice)
     vectors, validity = _normalise(flown.vectors, parts.share)
@@ -268,7 +272,8 @@ def _compile_kernels(scene: Scene, course: Course, settings: BakeSettings) -> No
     if _measures_lit_volume(settings):
         knowledge = light_knowledge(scene, course, walk.bin_counts)
         partitions = finish(partition_steps(knowledge, course.walls, lattice, 0, 1))
-        finish(lit_part_steps(knowledge, lattice, partitions, 1, 0, 1))
+        outshone = finish(outshone_steps(knowledge, course.walls, lattice, partitions, 0, 1))
+        finish(lit_part_steps(knowledge, lattice, partitions, outshone, 1, 0, 1))
 
 
 def _normalise(vectors: np.ndarray, share: Float32) -> tuple[np.ndarray, Float32]:

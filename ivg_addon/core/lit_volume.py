@@ -24,7 +24,7 @@ import itertools
 import os
 from collections.abc import Generator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,7 +50,9 @@ MANY_PHOTONS = 16
 SEVERAL_PHOTONS = 8
 """A side as bright would have received none of so many by a chance of 3 in 10,000."""
 LEAK_RATIO = 1e-4
-"""A side that received less than this share of what its other side received counts as unlit."""
+"""A side that received less than this share of what its other side received did so by a leak."""
+DIM = 0.05
+"""A side that received no more than this share of what its other side received is dim: see `outshone.py`."""
 
 UNLIT, UNKNOWN, PERHAPS_LIT, LIT = -2, 0, 1, 2
 """What a ray says of the point it starts from, in half votes."""
@@ -124,7 +126,18 @@ def _normal_dot(vertices, triangles, triangle, dx, dy, dz):
 
 @kernel
 def judge(
-    directions, hit_triangle, hit_u, hit_v, vertices, triangles, divisions, offset, bin_counts, world_shines, verdict
+    directions,
+    hit_triangle,
+    hit_u,
+    hit_v,
+    vertices,
+    triangles,
+    divisions,
+    offset,
+    bin_counts,
+    world_shines,
+    least_share,
+    verdict,
 ):
     """Fill verdict (n,) int8 with `LIT`, `UNLIT`, `PERHAPS_LIT` or `UNKNOWN` for each ray."""
     for ray in range(len(hit_triangle)):
@@ -142,13 +155,13 @@ def judge(
         )
         side = FRONT if along < 0.0 else BACK
         patch = patch_of(triangle, hit_u[ray], hit_v[ray], divisions, offset)
-        verdict[ray] = side_verdict(bin_counts[patch, side], bin_counts[patch, 1 - side])
+        verdict[ray] = side_verdict(bin_counts[patch, side], bin_counts[patch, 1 - side], least_share)
 
 
 @inlined
-def side_verdict(here, beyond):
+def side_verdict(here, beyond, least_share):
     """Judge a ray that met a side which received `here` photons, its other side `beyond`."""
-    if here > LEAK_RATIO * beyond:
+    if here > least_share * beyond:
         return LIT if here >= MANY_PHOTONS else PERHAPS_LIT
     return UNLIT if beyond >= SEVERAL_PHOTONS else UNKNOWN
 
@@ -165,6 +178,8 @@ class LightKnowledge:
         Patches of the surfaces and the photons received by each of their sides.
     world_shines
         True when rays that meet nothing find light.
+    least_share
+        A side that received less than this share of what its other side received counts as unlit.
     """
 
     geometry: Geometry
@@ -172,6 +187,31 @@ class LightKnowledge:
     bins: SurfaceBins
     bin_counts: Int32
     world_shines: bool
+    least_share: float = LEAK_RATIO
+
+    def of_bright_places(self) -> LightKnowledge:
+        """Return the knowledge by which dim places are not lit."""
+        return replace(self, least_share=DIM)
+
+    def verdicts(self, origins: Float32, directions: Float32) -> NDArray[np.int8]:
+        """Return what n rays, (n, 3) each, say of the points that they start from."""
+        hits = self.tracer.intersect(origins, directions)
+        verdict = np.empty(len(origins), dtype=np.int8)
+        judge(
+            directions,
+            hits.triangle,
+            hits.u,
+            hits.v,
+            self.geometry.vertices,
+            self.geometry.triangles,
+            self.bins.divisions,
+            self.bins.offset,
+            self.bin_counts,
+            self.world_shines,
+            self.least_share,
+            verdict,
+        )
+        return verdict
 
     def lit(self, points: Float32, identifiers: NDArray[np.int64], seed: int) -> NDArray[np.bool_]:
         """Tell for n points (n, 3) whether light can reach them.
@@ -185,22 +225,7 @@ class LightKnowledge:
             origins = np.ascontiguousarray(points[undecided])
             directions = np.empty_like(origins)
             spread_directions(identifiers[undecided], attempt, seed, directions)
-            hits = self.tracer.intersect(origins, directions)
-            verdict = np.empty(len(undecided), dtype=np.int8)
-            judge(
-                directions,
-                hits.triangle,
-                hits.u,
-                hits.v,
-                self.geometry.vertices,
-                self.geometry.triangles,
-                self.bins.divisions,
-                self.bins.offset,
-                self.bin_counts,
-                self.world_shines,
-                verdict,
-            )
-            votes[undecided] += verdict
+            votes[undecided] += self.verdicts(origins, directions)
             undecided = undecided[np.abs(votes[undecided]) < _MAJORITY]
             if len(undecided) == 0:
                 break
@@ -230,15 +255,22 @@ class LitParts:
 
 
 def lit_part_steps(
-    knowledge: LightKnowledge, lattice: Lattice, partitions: Partitions, points: int, seed: int, threads: int
+    knowledge: LightKnowledge,
+    lattice: Lattice,
+    partitions: Partitions,
+    outshone: NDArray[np.bool_],
+    points: int,
+    seed: int,
+    threads: int,
 ) -> Generator[Progress, None, LitParts]:
     """Return the lit part of every dual cell; yields as it goes.
 
     Cells that geometry cuts, and those beside vertices with planes, get `points` points, the others a few: they are
-    wholly lit or not.
+    wholly lit or not. For the vertices `outshone`, (vertices,), dim places are not lit.
     """
     low = np.asarray(lattice.bounds_min, dtype=np.float64)
     counts = np.asarray(lattice.shape, dtype=np.int64)
+    bright = knowledge.of_bright_places()
     marked = np.zeros(lattice.shape, dtype=bool)
     geometry = knowledge.geometry
     mark_cut_cells(geometry.vertices, geometry.triangles, low, lattice.voxel_size, counts, 0.5, marked)
@@ -254,7 +286,10 @@ def lit_part_steps(
         origins = np.empty((len(cells) * per_cell, 3), dtype=np.float32)
         spread_points(cells, 0, per_cell, seed, low, lattice.voxel_size, counts, origins)
         identifiers = (cells[:, None] * per_cell + np.arange(per_cell)).reshape(-1)
-        lit = knowledge.lit(origins, identifiers, seed).reshape(len(cells), per_cell)
+        lit = knowledge.lit(origins, identifiers, seed)
+        dimmed = np.flatnonzero(np.repeat(outshone[cells], per_cell) & lit)
+        lit[dimmed] = bright.lit(origins[dimmed], identifiers[dimmed], seed)
+        lit = lit.reshape(len(cells), per_cell)
         keep_own_side(cells, seed, counts, *sides, lit)
         share[cells] = lit.mean(axis=1, dtype=np.float32)
         partly = cut[cells] & lit.any(axis=1) & (beside[cells] | ~lit.all(axis=1))

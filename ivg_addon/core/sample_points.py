@@ -20,7 +20,7 @@ from .bake import light_knowledge, prepare_course
 from .compiled import kernel
 from .dual_cells import Lattice
 from .errors import SceneError
-from .lit_volume import LIT, PERHAPS_LIT, UNLIT, LightKnowledge, judge, spread_directions
+from .lit_volume import LIT, PERHAPS_LIT, UNLIT, LightKnowledge, spread_directions
 from .photon_walk import walk_steps
 from .progress import Progress
 from .scene import Float32, Scene
@@ -191,23 +191,10 @@ def _gather(
 def _lit(knowledge: LightKnowledge, points: Float32, identifiers: NDArray[np.int64], seed: int) -> NDArray[np.bool_]:
     """Tell which points (n, 3) light reaches: rays that know say so, with next to none that says no."""
     lit, unlit = np.zeros(len(points), dtype=np.int32), np.zeros(len(points), dtype=np.int32)
-    directions, verdict = np.empty_like(points), np.empty(len(points), dtype=np.int8)
+    directions = np.empty_like(points)
     for ray in range(_RAYS):
         spread_directions(identifiers, ray, seed, directions)
-        hits = knowledge.tracer.intersect(points, directions)
-        judge(
-            directions,
-            hits.triangle,
-            hits.u,
-            hits.v,
-            knowledge.geometry.vertices,
-            knowledge.geometry.triangles,
-            knowledge.bins.divisions,
-            knowledge.bins.offset,
-            knowledge.bin_counts,
-            knowledge.world_shines,
-            verdict,
-        )
+        verdict = knowledge.verdicts(points, directions)
         lit += (verdict == LIT) | (verdict == PERHAPS_LIT)
         unlit += verdict == UNLIT
     return np.asarray((lit > 0) & (unlit <= _MOST_UNLIT * lit))

@@ -17,6 +17,7 @@ from ivg_addon.core.bake import LEAST_LIT_SHARE, bake
 from ivg_addon.core.cell_points import spread_points
 from ivg_addon.core.dual_cells import Lattice
 from ivg_addon.core.lit_volume import (
+    DIM,
     LEAK_RATIO,
     LIT,
     MANY_PHOTONS,
@@ -34,7 +35,7 @@ from ivg_addon.core.settings import BakeSettings
 
 from .convex import clipped_volume
 from .rooms import Part, box, lamp, quad, rotation, scene, sky
-from .turned_rooms import LATTICE, ROOM, TURN, UNDIVIDED, halfspaces, knowledge
+from .turned_rooms import LATTICE, ROOM, SEEN, TURN, UNDIVIDED, halfspaces, knowledge
 from .z_tests import FALSE_ALARM
 
 Float64 = NDArray[np.float64]
@@ -49,7 +50,7 @@ def lit(of: LightKnowledge, points: object) -> NDArray[np.bool_]:
 
 
 def shares(of: LightKnowledge, points: int = POINTS, seed: int = 0, threads: int = 2) -> Float32:
-    return finish(lit_part_steps(of, LATTICE, UNDIVIDED, points, seed, threads)).share
+    return finish(lit_part_steps(of, LATTICE, UNDIVIDED, SEEN, points, seed, threads)).share
 
 
 # --- Volumes ----------------------------------------------------------------------------------------------------------
@@ -245,7 +246,13 @@ def test_a_dim_room_beside_a_bright_one() -> None:
     ],
 )
 def test_verdict_on_a_side(here: int, beyond: int, verdict: int) -> None:
-    assert side_verdict(here, beyond) == verdict
+    assert side_verdict(here, beyond, LEAK_RATIO) == verdict
+
+
+def test_verdict_on_a_dim_side() -> None:
+    assert side_verdict(100, 3000, LEAK_RATIO) == LIT
+    assert side_verdict(100, 3000, DIM) == UNLIT
+    assert side_verdict(200, 3000, DIM) == LIT
 
 
 def test_rays_vote() -> None:
@@ -299,7 +306,7 @@ def test_points_lie_in_their_cells_and_fill_them(cells: list[int], first: int) -
 
 
 def test_a_grid_of_several_batches_tells_its_progress() -> None:
-    steps = lit_part_steps(knowledge(scene([ROOM]), [1000], [0]), LATTICE, UNDIVIDED, 4000, 0, 2)
+    steps = lit_part_steps(knowledge(scene([ROOM]), [1000], [0]), LATTICE, UNDIVIDED, SEEN, 4000, 0, 2)
     fractions = [progress.fraction for progress in steps]
     assert len(fractions) > 3
     assert fractions == sorted(fractions)

@@ -22,7 +22,7 @@ from ivg_addon.core.settings import Spatial
 from .convex import clipped_nodes, clipped_volume
 from .grids import matrix, spread
 from .rooms import box, scene
-from .turned_rooms import LATTICE, ROOM, TURN, UNDIVIDED, halfspaces, knowledge
+from .turned_rooms import LATTICE, ROOM, SEEN, TURN, UNDIVIDED, halfspaces, knowledge
 from .z_tests import FALSE_ALARM
 
 Float64 = NDArray[np.float64]
@@ -34,7 +34,9 @@ HALF_ROUNDING = 2.0**-11
 
 @cache
 def parts(points: int = POINTS, seed: int = 0, threads: int = 2) -> LitParts:
-    return finish(lit_part_steps(knowledge(scene([ROOM]), [1000], [0]), LATTICE, UNDIVIDED, points, seed, threads))
+    return finish(
+        lit_part_steps(knowledge(scene([ROOM]), [1000], [0]), LATTICE, UNDIVIDED, SEEN, points, seed, threads)
+    )
 
 
 @cache
@@ -117,7 +119,7 @@ def test_cells_that_nothing_cuts_are_whole_even_if_their_points_disagree() -> No
     sides = box((-3, -3, -3), (3, 3, 3), inward=True)
     top = np.all(np.isclose(sides.vertices[sides.triangles][:, :, 2], 3), axis=1)
     cube = scene([replace(sides, triangles=sides.triangles[part]) for part in (top, ~top)])
-    found = finish(lit_part_steps(knowledge(cube, [1000, 0], [0, 1000]), LATTICE, UNDIVIDED, POINTS, 0, 2))
+    found = finish(lit_part_steps(knowledge(cube, [1000, 0], [0, 1000]), LATTICE, UNDIVIDED, SEEN, POINTS, 0, 2))
     assert set(np.unique(found.share)) <= {0.0, 1.0}
     np.testing.assert_array_equal(found.weights, LATTICE.whole_cell_weights())
 

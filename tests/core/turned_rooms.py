@@ -23,6 +23,8 @@ TURN = rotation((1, 2, 3), 0.7)
 ROOM = box((-1, -1, -1), (1, 1, 1), inward=True, turn=TURN)
 LATTICE = Lattice((-1.3, -1.23, -1.3), (1.3, 1.2, 1.25), (5, 6, 4))
 UNDIVIDED = Partitions.none(LATTICE.vertex_count)
+SEEN = np.zeros(LATTICE.vertex_count, dtype=np.bool_)
+"""Nothing is outshone."""
 
 
 def knowledge(of: Scene, front: Sequence[int], back: Sequence[int], world_shines: bool = False) -> LightKnowledge:
