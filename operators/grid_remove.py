@@ -6,6 +6,7 @@ from __future__ import annotations
 import bpy
 
 from ..ivg_addon.blender import storage
+from ..ivg_addon.core.report import counted
 from .needs import poll_grid, poll_no_render
 
 
@@ -29,5 +30,5 @@ class IVG_OT_grid_remove(bpy.types.Operator):
         """Remove it."""
         name = context.scene.ivg.grid.name
         lit = storage.remove(context.scene.ivg.grid, context.scene)
-        self.report({"INFO"}, f"Removed '{name}'" + (f", and its light from {lit} materials" if lit else ""))
+        self.report({"INFO"}, f"Removed '{name}'" + (f", and its light from {counted(lit, 'material')}" if lit else ""))
         return {"FINISHED"}

@@ -8,6 +8,7 @@ import bpy
 from ..ivg_addon.blender import scene_light
 from ..ivg_addon.blender.properties import light_from_property
 from ..ivg_addon.core.errors import IvgError
+from ..ivg_addon.core.report import counted
 from .needs import poll_grid, poll_no_render
 from .which_objects import which_objects
 
@@ -42,5 +43,5 @@ class IVG_OT_materials_add(bpy.types.Operator):
             return {"CANCELLED"}
         for notice in lit.notices:
             self.report({"WARNING"}, f"{notice.subject} {notice.message}")
-        self.report({"INFO"}, f"{lit.materials} materials have the light of '{context.scene.ivg.grid.name}'")
+        self.report({"INFO"}, f"{counted(lit.materials, 'material')} with the light of '{context.scene.ivg.grid.name}'")
         return {"FINISHED"}

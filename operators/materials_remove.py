@@ -6,6 +6,7 @@ from __future__ import annotations
 import bpy
 
 from ..ivg_addon.blender import material_light, scene_light
+from ..ivg_addon.core.report import counted
 from .needs import poll_no_render
 from .which_objects import which_objects
 
@@ -30,5 +31,5 @@ class IVG_OT_materials_remove(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Remove it."""
         lit = scene_light.remove(context, self.objects == "SELECTED")
-        self.report({"INFO"}, f"Removed the light of grids from {lit.materials} materials")
+        self.report({"INFO"}, f"Removed the light of grids from {counted(lit.materials, 'material')}")
         return {"FINISHED"}

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import bpy
 
 from ..ivg_addon.blender.light_modifier import TYPES, Outcome
+from ..ivg_addon.core.report import counted
 
 _MOST_NAMED = 3
 
@@ -21,7 +22,7 @@ def targets(context: bpy.types.Context, objects: str) -> Sequence[bpy.types.Obje
 
 def report_left_out(operator: bpy.types.Operator, outcome: Outcome, what: str) -> set[str]:
     """Report what was done and what was left out, and why; return the operator's result."""
-    objects = "1 object" if outcome.done == 1 else f"{outcome.done:,} objects"
+    objects = counted(outcome.done, "object")
     left_out = [f"'{name}': {why}" for name, why in outcome.left_out.items()]
     if not outcome.done and not left_out:
         operator.report({"WARNING"}, "No object was changed: select some that are lit, or choose all")

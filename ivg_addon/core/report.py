@@ -40,6 +40,11 @@ def merge(notices: Iterable[Notice]) -> tuple[Notice, ...]:
     return tuple(dict.fromkeys(notices))
 
 
+def counted(number: int, what: str) -> str:
+    """Return "1 object" or "2,000 objects" for what is an "object"."""
+    return f"1 {what}" if number == 1 else f"{number:,} {what}s"
+
+
 def headline(notices: Iterable[Notice]) -> str:
     """Return one line of counts, e.g. ``3 simplified, 1 left out``; empty without notices."""
     counts = Counter(notice.kind for notice in notices)

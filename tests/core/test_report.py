@@ -6,7 +6,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ivg_addon.core.report import Notice, headline, merge
+from ivg_addon.core.report import Notice, counted, headline, merge
 
 GOLD = Notice("simplified", "material 'Gold'", "taken as diffuse")
 FOG = Notice("left out", "volume 'Fog'", "not baked")
@@ -34,3 +34,7 @@ def test_the_headline_counts() -> None:
 
 def test_a_notice_is_one_line() -> None:
     assert str(GOLD) == "simplified: material 'Gold': taken as diffuse"
+
+
+def test_counted() -> None:
+    assert [counted(n, "object") for n in (0, 1, 2, 1500)] == ["0 objects", "1 object", "2 objects", "1,500 objects"]
