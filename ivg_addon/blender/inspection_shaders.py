@@ -81,14 +81,13 @@ void main() {
   }
   vec3 n = clamp(normalize(hit), -1.0, 1.0);
   vec3 a = asin(n);
-  vec3 r = 2.0 * (a * n + sqrt(max(1.0 - n * n, 0.0)));
-  vec3 own = (r - (r.x + r.y + r.z) / 3.0) / (PI - 2.0) + 1.0 / 3.0;
-  float f = 2.0 / (PI * PI - 4.0);
-  vec4 w0 = 0.5 * vec4(n, own.x);
-  vec4 w1 = 0.5 * vec4(f * (PI * a.x * n.y - 2.0 * a.y * n.x), f * (PI * a.x * n.z - 2.0 * a.z * n.x),
-                       f * (PI * a.y * n.x - 2.0 * a.x * n.y), own.y);
-  vec4 w2 = 0.5 * vec4(f * (PI * a.y * n.z - 2.0 * a.z * n.y), f * (PI * a.z * n.x - 2.0 * a.x * n.z),
-                       f * (PI * a.z * n.y - 2.0 * a.y * n.z), own.z);
+  vec3 even = 0.5 * n.xyz * n.yzx;
+  vec3 odd = (a.xyz * n.yzx - a.yzx * n.xyz) / (PI - 2.0);
+  vec3 up = even + odd;
+  vec3 down = even - odd;
+  vec4 w0 = 0.5 * vec4(n, n.x * n.x);
+  vec4 w1 = 0.5 * vec4(up.x, down.z, down.x, n.y * n.y);
+  vec4 w2 = 0.5 * vec4(up.y, up.z, down.y, n.z * n.z);
   vec3 irradiance = vec3(dot(w0, r0) + dot(w1, r1) + dot(w2, r2), dot(w0, g0) + dot(w1, g1) + dot(w2, g2),
                          dot(w0, b0) + dot(w1, b1) + dot(w2, b2));
   fragColor = displayed(gain * irradiance, coverage);

@@ -26,7 +26,7 @@ from .marks import KEY, bears
 
 NAME = "IVG Irradiance"
 FORMAT = "irradiance-vector-grid-nodes"
-VERSION = 2
+VERSION = 3
 """Of the nodes; those of an older version are made anew."""
 _PART = "part"
 """Under `KEY`, of the groups within: what they are for."""

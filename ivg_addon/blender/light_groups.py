@@ -31,7 +31,7 @@ from .node_formulas import Number, Socket
 from .shader_maths import ShaderMaths
 
 KEY = "ivg_light_group"
-VERSION = 2
+VERSION = 3
 """Of the nodes; those of another version stay with the materials that have them, until light is added again."""
 _LOOK_UP = {OPEN: "Color", BESIDE: "Color", WALLS: "Float"}
 """What groups are told of irradiance: outputs of the look-up (irradiance_formula.py)."""

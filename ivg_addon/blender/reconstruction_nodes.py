@@ -10,10 +10,8 @@ import math
 
 from .node_formulas import NodeFormulas, Socket
 
-_OWN = 1.0 / (math.pi - 2.0)
-_ALONG = 2.0 * math.pi / (math.pi**2 - 4.0)
-_ACROSS = 4.0 / (math.pi**2 - 4.0)
-"""W_kk = _OWN (r_k − mean r) + 1/3 and W_kl = _ALONG a_k n_l − _ACROSS a_l n_k."""
+_TURNED = 1.0 / (math.pi - 2.0)
+"""Of a_k n_l − a_l n_k in W_kl."""
 
 
 def coefficients(maths: NodeFormulas, normal: Socket) -> list[Socket]:
@@ -23,17 +21,15 @@ def coefficients(maths: NodeFormulas, normal: Socket) -> list[Socket]:
     components = maths.separated(n)
     arcs = [maths.math("ARCSINE", component) for component in components]
     a = maths.combined(*arcs)
-    square = maths.vector("MULTIPLY", n, n)
-    s = maths.vector("POWER", maths.vector("SUBTRACT", (1.0,) * 3, square), (0.5,) * 3)
-    half_r = maths.vector("MULTIPLY_ADD", a, n, s)
-    # ½ W_kk = _OWN (½ r_k − mean ½ r) + 1/6
-    shift = maths.math("MULTIPLY_ADD", maths.dot(half_r, (1.0,) * 3), -_OWN / 3.0, 1.0 / 6.0)
-    own = maths.vector("MULTIPLY_ADD", half_r, (_OWN,) * 3, maths.combined(shift, shift, shift))
-    along = maths.scaled(n, 0.5 * _ALONG)
-    across = maths.scaled(a, -0.5 * _ACROSS)
+    # ½ W_kk = ½ n_k² for unit normals, 1/6 for none.
+    rest = maths.math("MULTIPLY_ADD", maths.dot(n, n), -1.0 / 6.0, 1.0 / 6.0)
+    own = maths.vector("MULTIPLY_ADD", n, maths.scaled(n, 0.5), maths.combined(rest, rest, rest))
+    # ½ W_kl = n_l (¼ n_k + ½ _TURNED a_k) − a_l ½ _TURNED n_k
+    along = maths.separated(maths.vector("MULTIPLY_ADD", a, (0.5 * _TURNED,) * 3, maths.scaled(n, 0.25)))
+    across = maths.scaled(a, -0.5 * _TURNED)
     diagonal = maths.separated(own)
     found = list(maths.separated(maths.scaled(n, 0.5)))
     for k in range(3):
-        row = maths.vector("ADD", maths.scaled(along, arcs[k]), maths.scaled(across, components[k]))
+        row = maths.vector("ADD", maths.scaled(n, along[k]), maths.scaled(across, components[k]))
         found += [diagonal[k] if j == k else component for j, component in enumerate(maths.separated(row))]
     return found

@@ -35,27 +35,24 @@ def report_coefficients(n, c):
 
 @merged
 def least_squares_coefficients(n, c):
-    """Fill c (6, 3): the least-squares projection of the clamped cosine (design in docs/method.md).
+    """Fill c (6, 3): the least-squares projection of the clamped cosine that is exact up to degree three.
 
     With F = I_{+k} + I_{−k} (the same for each k: averaged) and D_k = I_{+k} − I_{−k},
 
         E(n) = ½ F·n + ½ Σ_kj W_kj D_kj,
-        W_kk = (r_k − mean(r)) / (π − 2) + 1/3,     r_k = 2 (a_k n_k + s_k),
-        W_kl = 2 (π a_k n_l − 2 a_l n_k) / (π² − 4),   a_k = arcsin n_k,  s_k = √(1 − n_k²).
+        W_kl = ½ n_k n_l + (a_k n_l − a_l n_k) / (π − 2),   k ≠ l,   a_k = arcsin n_k,
+        W_kk = n_k².
+
+    ½ F·n is all that odd harmonics of the radiance add. W is the projection of |ω·n| onto {sgn(ω_k) ω_j} constrained to
+    be exact for every quadratic radiance: that fixes W_kk and W_kl + W_lk (docs/method.md).
     """
-    a0, a1, a2 = math.asin(n[0]), math.asin(n[1]), math.asin(n[2])
-    a = (a0, a1, a2)
-    r0 = 2.0 * (a0 * n[0] + math.sqrt(max(0.0, 1.0 - n[0] * n[0])))
-    r1 = 2.0 * (a1 * n[1] + math.sqrt(max(0.0, 1.0 - n[1] * n[1])))
-    r2 = 2.0 * (a2 * n[2] + math.sqrt(max(0.0, 1.0 - n[2] * n[2])))
-    r = (r0, r1, r2)
-    mean = (r0 + r1 + r2) / 3.0
+    a = (math.asin(n[0]), math.asin(n[1]), math.asin(n[2]))
     for k in range(3):
         for j in range(3):
             if j == k:
-                w = (r[k] - mean) / (math.pi - 2.0) + 1.0 / 3.0
+                w = n[k] * n[k]
             else:
-                w = 2.0 * (math.pi * a[k] * n[j] - 2.0 * a[j] * n[k]) / (math.pi * math.pi - 4.0)
+                w = 0.5 * n[k] * n[j] + (a[k] * n[j] - a[j] * n[k]) / (math.pi - 2.0)
             c[2 * k, j] = 0.5 * (n[j] / 3.0 + w)
             c[2 * k + 1, j] = 0.5 * (n[j] / 3.0 - w)
 

@@ -47,15 +47,16 @@ def quadrature(order: int) -> tuple[Float64, Float64]:
 def projection(normal: Float64, order: int) -> Float64:
     """Return W (3, 3) of the constrained least-squares problem, solved numerically.
 
-    Minimise ∫ (|ω·n| − Σ W_kj sgn(ω_k) ω_j)² dω where a uniform field is exact, which is Σ W_kk = 1.
+    Minimise ∫ (|ω·n| − Σ W_kj sgn(ω_k) ω_j)² dω where the integral of the difference times ω_a ω_b is 0 for all a ≤ b.
     """
     directions, weights = quadrature(order)
     elements = (np.sign(directions)[:, :, None] * directions[:, None, :]).reshape(-1, 9)
     gram = elements.T @ (weights[:, None] * elements)
-    right = elements.T @ (weights * np.abs(directions @ normal))
-    constraint = np.eye(3).reshape(1, 9)
-    system = np.block([[gram, constraint.T], [constraint, np.zeros((1, 1))]])
-    return np.linalg.solve(system, np.append(right, 1.0))[:9].reshape(3, 3)
+    cosine = weights * np.abs(directions @ normal)
+    quadratic = np.stack([directions[:, a] * directions[:, b] for a in range(3) for b in range(a, 3)])
+    constraint = quadratic @ (weights[:, None] * elements)
+    system = np.block([[gram, constraint.T], [constraint, np.zeros((6, 6))]])
+    return np.linalg.solve(system, np.append(elements.T @ cosine, quadratic @ cosine))[:9].reshape(3, 3)
 
 
 @pytest.mark.parametrize("normal", [(1, 0, 0), (1, 1, 0), (1, -1, 1), (-0.2, 0.5, 0.9), (0.01, -0.7, 0.3)])
@@ -84,6 +85,40 @@ def test_quadrature_knows_the_gram_matrix() -> None:
         elif (k == j and m == i) or (k, j) == (i, m):
             expected = 8 / 3
         assert gram[k, j, m, i] == pytest.approx(expected, abs=1e-9)
+
+
+@given(unit_vectors, st.integers(0, 3), st.integers(0, 3), st.integers(0, 3))
+def test_least_squares_is_exact_up_to_degree_three(n: Float64, x: int, y: int, z: int) -> None:
+    """For every polynomial of the direction as radiance, negative ones included: E is a linear functional of it.
+
+    Monomials of an even degree above two are left to the projection.
+    """
+    degree = x + y + z
+    if degree > 3:
+        return
+    directions, weights = quadrature(12)
+    radiance = weights * np.prod(directions ** np.array([x, y, z]), axis=1)
+    six = np.stack([(radiance[:, None] * directions)[directions @ axis > 0].sum(axis=0) for axis in AXES])
+    e = (coefficients(n, Directional.LEAST_SQUARES) * six).sum()
+    assert e == pytest.approx(closed_form(n, (x, y, z)), abs=1e-9)
+
+
+def closed_form(n: Float64, powers: tuple[int, int, int]) -> float:
+    """Return ∫ max(0, ω·n) ω_x^x ω_y^y ω_z^z dω up to degree three.
+
+    Half of ∫ |ω·n| … for even degrees, of ∫ ω·n … for odd ones.
+    """
+    axes = [axis for axis, power in enumerate(powers) for _ in range(power)]
+    if len(axes) == 0:
+        return math.pi
+    if len(axes) == 1:
+        return 2 * math.pi / 3 * float(n[axes[0]])
+    if len(axes) == 2:
+        a, b = axes
+        return math.pi / 4 * float((a == b) + n[a] * n[b])
+    a, b, c = axes
+    # ∫ ω_a ω_b ω_c ω_d dω = 4π/15 (δ_ab δ_cd + δ_ac δ_bd + δ_ad δ_bc)
+    return 2 * math.pi / 15 * float((a == b) * n[c] + (a == c) * n[b] + (b == c) * n[a])
 
 
 @given(unit_vectors)
