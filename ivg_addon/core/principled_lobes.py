@@ -99,10 +99,12 @@ def shade_principled(closure: Closure, values: Values, weight: Float64, caustics
         through = glass * np.sqrt(np.minimum(base, 1.0)) * caustics.refractive
         over = glass * tint * caustics.reflective
         lobes.append(Lobe(GLASS, over, through, roughness, inner, DIELECTRIC, closure.multiscatter, glass))
-    diffuse = opaque * (1.0 - metallic) * (1.0 - transmission) * below * base
+    looks = values.looks(inputs["Base Color"])
+    passed = _mean_of_both(through_layers(means), looks)
+    diffuse = opaque * (1.0 - metallic) * (1.0 - transmission) * below * base * passed
     matte = Lobe(MATTE, diffuse, base, values.share(inputs["Diffuse Roughness"]))
     coated = through_coat(means)
-    bare.append(_seen(matte, through_layers(means) * values.looks(inputs["Base Color"])).turned(own))
+    bare.append(_seen(matte, through_layers(means) * looks).turned(own))
     shining = coated * values.looks(inputs["Emission Color"]) * values.looks(inputs["Emission Strength"])
     mean = COSINE_WEIGHTS @ through_coat(means)
     view = np.divide(shining, mean, out=np.ones_like(shining), where=mean > 0.0)
@@ -116,6 +118,15 @@ def _between(first: OwnNormal | None, second: OwnNormal | None, share: Float64) 
         return None
     start, end = (np.array([[0.0, 0.0, 1.0]]) if each is None else each.values for each in (first, second))
     return OwnNormal(unit_normals((1.0 - share) * start + share * end), bump)
+
+
+def _mean_of_both(layers: Float64, looks: Float64) -> Float64:
+    """Return the mean of a product of functions of the direction of view over that of the first alone.
+
+    What looks brighter where layers let less through reflects less than its own mean says.
+    """
+    alone, both = COSINE_WEIGHTS @ layers, COSINE_WEIGHTS @ (layers * looks)
+    return np.asarray(np.divide(both, alone, out=np.ones_like(both), where=alone > 0.0))
 
 
 def _seen(lobe: Lobe, curve: Float64) -> Lobe:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ivg_addon.core.closures import Caustics, Closure, Factor, Leaf, Value, default_principled
+from ivg_addon.core.closures import VIEWS, Caustics, Closure, Directed, Factor, Leaf, Value, default_principled
 from ivg_addon.core.principled import (
     COSINE_WEIGHTS,
     COSINES,
@@ -129,6 +129,20 @@ def test_layers_take_their_share_by_the_direction_of_view() -> None:
     # Of what is reflected above the coat nothing is taken.
     views = [lobe.view is None for lobe in shading.lobes]
     assert views == [True, False, False]
+
+
+def test_a_colour_by_the_direction_of_view_is_seen_through_layers_and_mixes() -> None:
+    """Of two functions of the direction the product counts, whose mean is not that of the means."""
+    colour = Directed(tuple(Leaf(index) for index in range(len(VIEWS))))
+    leaves = [np.array([[0.2 + 0.6 * view, 0.9 - 0.9 * view, 0.5]]) for view in VIEWS]
+    looks = np.stack([0.2 + 0.6 * COSINES, 0.9 - 0.9 * COSINES, np.full_like(COSINES, 0.5)], axis=1)
+    (matte,) = (lobe for lobe in shade([principled(Base_Color=colour)], leaves, PLAIN).lobes if lobe.kind == MATTE)
+    np.testing.assert_allclose(matte.color * matte.view, looks * through_layers(Layers()), rtol=1e-9)
+    (mixed,) = shade([diffuse(colour, Factor((0.5,), shape="FACING"))], leaves, PLAIN).lobes
+    (curve,) = (
+        lobe.color * lobe.view for lobe in shade([diffuse((1, 1, 1), Factor((0.5,), shape="FACING"))], [], PLAIN).lobes
+    )
+    np.testing.assert_allclose(mixed.color * mixed.view, looks * curve, rtol=1e-9)
 
 
 def test_a_mix_by_fresnel_is_one_of_directions() -> None:
