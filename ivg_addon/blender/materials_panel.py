@@ -36,8 +36,8 @@ class IVG_PT_materials(RenderPanel, bpy.types.Panel):
         row.operator("ivg.materials_remove", text="Remove", icon="REMOVE")
         lost = [material for material in lit if material_light.grid_of(material) is None]
         if lost:
-            without = counted(len(lost), "material")
-            told = f"The grid of {without}, such as '{lost[0].name}', was removed: remove their light"
+            materials = counted(len(lost), "material")
+            told = f"The grid of {materials}, such as '{lost[0].name}', was removed: remove their light"
             draw_wrapped(layout, context, told, icon="ERROR")
         if scene.ivg.grid is not None and is_grid(scene.ivg.grid):
             draw_wrapped(layout, context, scene_light.summary(scene.ivg.grid), icon="INFO")

@@ -20,10 +20,7 @@ lie on both sides of a wall that stands on it.
 
 from __future__ import annotations
 
-import itertools
-import os
 from collections.abc import Generator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,6 +34,7 @@ from .partitions import Partitions
 from .progress import Progress
 from .random import STREAM_LIT_VOLUME, random4
 from .scene import Float32, Geometry, Int32
+from .side_by_side import side_by_side_steps
 from .surface_bins import BACK, FRONT, SurfaceBins, patch_of
 from .vectors import sphere_direction
 
@@ -301,15 +299,7 @@ def lit_part_steps(
         *_jobs(np.flatnonzero(~cut), _PROBES),
         *_jobs(np.flatnonzero(cut), points),
     ]
-    with ThreadPoolExecutor(threads or os.cpu_count(), thread_name_prefix="ivg-lit") as pool:
-        futures = [pool.submit(measure, *job) for job in jobs]
-        try:
-            for done, future in zip(itertools.count(1), futures):
-                future.result()
-                yield Progress("Measuring lit volumes", done / len(jobs))
-        finally:
-            for future in futures:
-                future.cancel()
+    yield from side_by_side_steps(lambda job: measure(*job), jobs, "Measuring lit volumes", threads)
     whole = ~(marked | divided).reshape(-1)
     share[whole] = share[whole] >= 0.5
     return LitParts(share.reshape(lattice.shape), weights.reshape(*lattice.shape, 3, 3, 3))

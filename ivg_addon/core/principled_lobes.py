@@ -100,13 +100,14 @@ def shade_principled(closure: Closure, values: Values, weight: Float64, caustics
         over = glass * tint * caustics.reflective
         lobes.append(Lobe(GLASS, over, through, roughness, inner, DIELECTRIC, closure.multiscatter, glass))
     looks = values.looks(inputs["Base Color"])
-    passed = _mean_of_both(through_layers(means), looks)
+    layers = through_layers(means)
+    passed = _mean_of_both(layers, looks)
     diffuse = opaque * (1.0 - metallic) * (1.0 - transmission) * below * base * passed
     matte = Lobe(MATTE, diffuse, base, values.share(inputs["Diffuse Roughness"]))
     coated = through_coat(means)
-    bare.append(_seen(matte, through_layers(means) * looks).turned(own))
+    bare.append(_seen(matte, layers * looks).turned(own))
     shining = coated * values.looks(inputs["Emission Color"]) * values.looks(inputs["Emission Strength"])
-    mean = COSINE_WEIGHTS @ through_coat(means)
+    mean = COSINE_WEIGHTS @ coated
     view = np.divide(shining, mean, out=np.ones_like(shining), where=mean > 0.0)
     return Shading(np.zeros((1, 3)), emission, (*bare, *(_seen(lobe, coated).turned(own) for lobe in lobes)), view)
 

@@ -7,11 +7,8 @@ tell what sees what.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Generator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,10 +21,10 @@ from .lit_volume import LightKnowledge, mark_cut_cells
 from .progress import Progress
 from .random import STREAM_PARTITION, random4
 from .scene import Float32, Int32
+from .side_by_side import Found, side_by_side_steps
 
 Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]
-Found = TypeVar("Found")
 
 POINTS = 16
 """In each voxel near geometry."""
@@ -87,14 +84,14 @@ class Surroundings:
     def light_steps(self, task: str, threads: int) -> Generator[Progress, None, None]:
         """Find out which points are lit; `threads` is 0 for one per processor."""
         batches = [self.voxels[at : at + _LIT_BATCH] for at in range(0, len(self.voxels), _LIT_BATCH)]
-        yield from _side_by_side(self._light, batches, task, threads)
+        yield from side_by_side_steps(self._light, batches, task, threads)
 
     def visit_steps(
         self, task: str, visit: Callable[[Int64], Found], threads: int
     ) -> Generator[Progress, None, list[Found]]:
         """Return what `visit` finds out about batches of vertices, in their order."""
         batches = [self.vertices[at : at + _BATCH] for at in range(0, len(self.vertices), _BATCH)]
-        return (yield from _side_by_side(visit, batches, task, threads))
+        return (yield from side_by_side_steps(visit, batches, task, threads))
 
     def gather(self, vertices: Int64) -> tuple[Float64, NDArray[np.bool_]]:
         """Return the points around n vertices, (n, AROUND, 3) in voxels, and which are lit, (n, AROUND)."""
@@ -167,23 +164,6 @@ class Ways:
             np.concatenate([part.triangle for part in parts])[order],
             np.concatenate([part.distance for part in parts])[order],
         )
-
-
-def _side_by_side(
-    work: Callable[[Int64], Found], batches: list[Int64], task: str, threads: int
-) -> Generator[Progress, None, list[Found]]:
-    """Return what `work` returns for each batch."""
-    found: list[Found] = []
-    with ThreadPoolExecutor(threads or os.cpu_count(), thread_name_prefix="ivg-sides") as pool:
-        futures = [pool.submit(work, batch) for batch in batches]
-        try:
-            for future in futures:
-                found.append(future.result())
-                yield Progress(task, len(found) / len(batches))
-        finally:
-            for future in futures:
-                future.cancel()
-    return found
 
 
 def _voxels_around(near: NDArray[np.bool_]) -> NDArray[np.bool_]:

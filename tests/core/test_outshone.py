@@ -30,21 +30,15 @@ def outshone(of: Scene, front: list[int], back: list[int], partitions: Partition
     return found.reshape(LATTICE.shape)
 
 
-def shell(radius: float = 0.8) -> Part:
-    """Return a sphere."""
-    return ball(radius, rounds=3, smooth=False)
-
-
-def distances() -> NDArray[np.float64]:
-    """Return those of all vertices from the origin, metres."""
-    axes = [np.linspace(*ends) for ends in zip(LATTICE.bounds_min, LATTICE.bounds_max, LATTICE.shape, strict=True)]
-    return np.sqrt(sum(x**2 for x in np.meshgrid(*axes, indexing="ij")))
+def shell() -> Part:
+    """Return a sphere of radius 0.8 m."""
+    return ball(0.8, rounds=3, smooth=False)
 
 
 def test_vertices_by_a_shell_that_is_dim_inside() -> None:
     """Those whose voxels reach through it, and no others."""
     found = outshone(scene([shell()]), [BRIGHT], [BEHIND])
-    off = np.abs(distances() - 0.8)
+    off = np.abs(np.linalg.norm(LATTICE.vertex_positions(), axis=-1) - 0.8)
     voxel = LATTICE.voxel_size
     assert found[off < 0.3 * voxel.min()].all()
     assert not found[off > np.linalg.norm(voxel)].any()
