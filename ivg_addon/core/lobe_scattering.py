@@ -36,7 +36,7 @@ instead, so that their mirror image stays above the surface.
 
 from __future__ import annotations
 
-from .bumps import BENT, MIRRORED, MIXED, bumped_facets, placed_normal, softening, valid_normal
+from .bumps import BENT, bumped_facets, softening
 from .compiled import inlined, kernel, merged
 from .lobe_choice import (
     DIFFUSE,
@@ -47,20 +47,8 @@ from .lobe_choice import (
     look_up_lobes,
     pick_lobe,
 )
-from .lobes import (
-    BACK_ENERGY,
-    BUMP,
-    COLOR,
-    FRONT_ENERGY,
-    IOR,
-    KIND,
-    NO_ENERGY,
-    NO_VIEW,
-    NORMAL,
-    ROUGHNESS,
-    SECOND,
-    VIEW,
-)
+from .lobe_normals import own_normal, view_cosine
+from .lobes import BACK_ENERGY, BUMP, COLOR, FRONT_ENERGY, IOR, KIND, NO_ENERGY, NO_VIEW, ROUGHNESS, SECOND, VIEW
 from .matte import SMOOTH, rough_diffuse, view_factor
 from .microfacets import CLEAR, MIRROR_ALPHA, energy_factor, refracted_cosine, shadowing, visible_normal
 from .random import STREAM_SCATTER, random4
@@ -218,7 +206,7 @@ def scatter_at_lobes(
                 part, odds, xi = glass_part(part, cos_is, float(numbers[chosen, IOR]), front, xi)
                 scale /= odds
             through = transmitted or kind == REFRACTION or kind == PANE or (kind == GLASS and part == TRANSMITS)
-            nx, ny, nz = _own_normal(
+            nx, ny, nz = own_normal(
                 numbers, chosen, bump, front, through, sx, sy, sz, vertices, triangles, uvs, triangle
             )
             cos_in = ix * nx + iy * ny + iz * nz
@@ -287,12 +275,8 @@ def scatter_at_lobes(
                 f2 *= energy_factor(energies, mean_energies, table, roughness, cos_os, m2)
 
         if kind != DIFFUSE and codes[chosen, VIEW] != NO_VIEW:
-            if bump & MIXED != 0:
-                cos_os = abs(ox * ux + oy * uy + oz * uz)
-            elif bump != 0 and diffuse and not transmitted:
-                # What lies above is glossy: it is seen by the normal that it is turned to.
-                hx, hy, hz = valid_normal(gx, gy, gz, ox, oy, oz, sx, sy, sz)
-                cos_os = ox * hx + oy * hy + oz * hz
+            below = diffuse and not transmitted
+            cos_os = view_cosine(bump, below, cos_os, ox, oy, oz, gx, gy, gz, sx, sy, sz, ux, uy, uz)
             m0, m1, m2 = view_factor(views, codes[chosen, VIEW], cos_os)
             f0, f1, f2 = f0 * m0, f1 * m1, f2 * m2
         scale *= radiance_scale
@@ -328,26 +312,6 @@ def scatter_at_lobes(
         if not passes:
             bounces[row] += 1
     return _close_ranks(photons, origins, directions, weights, bounces, dark, waiting, alive, late)
-
-
-@merged
-def _own_normal(numbers, lobe, bump, front, through, sx, sy, sz, vertices, triangles, uvs, triangle):
-    """Return a lobe's normal on the side that light meets; s is the smooth one there. See `bumps`.
-
-    What goes `through` is seen from the other side.
-    """
-    a, b, c = lobe_color(numbers, lobe, NORMAL)
-    side = 1.0 if front else -1.0
-    if front == through and bump & MIRRORED != 0:
-        a, b = -a, -b
-    p = corner(vertices, triangles, triangle, 0)
-    q = corner(vertices, triangles, triangle, 1)
-    r = corner(vertices, triangles, triangle, 2)
-    u0, v0 = float(uvs[triangle, 0, 0]), float(uvs[triangle, 0, 1])
-    u1, v1 = float(uvs[triangle, 1, 0]), float(uvs[triangle, 1, 1])
-    u2, v2 = float(uvs[triangle, 2, 0]), float(uvs[triangle, 2, 1])
-    x, y, z = placed_normal(a, b, c, side * sx, side * sy, side * sz, p, q, r, u0, v0, u1, v1, u2, v2)
-    return side * x, side * y, side * z
 
 
 @merged
