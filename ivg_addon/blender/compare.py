@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 import bpy
 import numpy as np
 
+from ..core.closures import Caustics
 from ..core.errors import GridFileError, SceneError
 from ..core.false_color import difference_colors, local_mean, luminance, round_scale
 from ..core.metrics import Agreement
@@ -31,6 +32,7 @@ from .display import display_pixels
 from .export import export_render_steps
 from .export_camera import export_camera, hidden_from_camera
 from .export_depsgraph import with_render_depsgraph
+from .export_materials import caustics_of
 from .jobs import PatientSteps, Runner, Steps, in_foreground
 from .montage import Panel, check_picture, write_montage
 from .summary import Row, count, duration, voxels
@@ -128,8 +130,13 @@ def compare_steps(
     layers = check_picture(output)
     yield Progress("Evaluating the camera", 0.0)
     camera, hidden, notices = _read_camera(scene, view_layer)
+    cut_off = caustics_of(scene) != Caustics()
     arrays = yield from part(export_render_steps(scene, view_layer, ask, run), 0.0, _EXPORTED)
-    shaded, grid_seconds = yield from part(run(_shade_steps(arrays, grid, camera, look_up, hidden)), _EXPORTED, _SHADED)
+    seen = arrays
+    if cut_off:
+        again = export_render_steps(scene, view_layer, ask, run, to_camera=True)
+        seen = yield from part(again, _EXPORTED, _EXPORTED)
+    shaded, grid_seconds = yield from part(run(_shade_steps(seen, grid, camera, look_up, hidden)), _EXPORTED, _SHADED)
     settings = grid.record.settings
     rendering = render_steps(
         scene, view_layer, samples=samples, bounces=settings.bounces, include_direct=settings.include_direct, ask=ask

@@ -73,7 +73,12 @@ def export_steps(depsgraph: bpy.types.Depsgraph) -> Steps[Scene]:
 
 
 def export_render_steps(
-    scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer, ask: Asker = here, run: Runner = in_foreground
+    scene: bpy.types.Scene,
+    view_layer: bpy.types.ViewLayer,
+    ask: Asker = here,
+    run: Runner = in_foreground,
+    *,
+    to_camera: bool = False,
 ) -> PatientSteps[Scene]:
     """Return what a render of a view layer would show, in steps.
 
@@ -87,6 +92,8 @@ def export_render_steps(
         Where Cycles is asked.
     run
         How the part that never touches Blender is drained.
+    to_camera
+        With materials as camera rays see them; else as photons do. See `MaterialTable`.
 
     Raises
     ------
@@ -106,7 +113,9 @@ def export_render_steps(
     view_layer = scene.view_layers[layer_name]
     evaluate = hasattr(scene, "cycles")
     reading = with_render_depsgraph(
-        scene, view_layer, lambda depsgraph, stop: _drain(_read_steps(depsgraph, evaluate, node_lights, world), stop)
+        scene,
+        view_layer,
+        lambda depsgraph, stop: _drain(_read_steps(depsgraph, evaluate, node_lights, world, to_camera), stop),
     )
     yield Progress("Preparing materials", _READING)
     pending = tuple(reading.materials.unevaluated.values())
@@ -140,10 +149,11 @@ def _read_steps(
     evaluate: bool,
     node_lights: Mapping[str, NodeLight] | None = None,
     world: WorldLight | None = None,
+    to_camera: bool = False,
 ) -> Steps[_Reading]:
     """Read everything from an evaluated depsgraph, one object instance per step."""
     view_layer = depsgraph.view_layer_eval
-    materials = MaterialTable(depsgraph.scene_eval, view_layer.material_override, evaluate)
+    materials = MaterialTable(depsgraph.scene_eval, view_layer.material_override, evaluate, to_camera)
     geometry = GeometryReader(materials, depsgraph)
     left_out = LeftOut()
     count = max(1, len(depsgraph.object_instances))

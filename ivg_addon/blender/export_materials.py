@@ -83,6 +83,14 @@ class Evaluated:
     leaves: Sequence[Float64]
 
 
+def caustics_of(scene: bpy.types.Scene) -> Caustics:
+    """Return which lobes a scene's render settings keep for light that was diffusely reflected."""
+    cycles = getattr(scene, "cycles", None)  # absent where Cycles is disabled
+    return Caustics(
+        bool(getattr(cycles, "caustics_reflective", True)), bool(getattr(cycles, "caustics_refractive", True))
+    )
+
+
 class MaterialTable:
     """The materials of a scene, as they are met.
 
@@ -94,15 +102,19 @@ class MaterialTable:
         The view layer's material override, if any: it takes the place of every material.
     evaluate
         Leaves will be evaluated; else something simple is taken in their place, and said.
+    to_camera
+        As camera rays see them: with the glossy lobes and layers that surfaces have not, to light that was diffusely
+        reflected, where caustics are switched off.
     """
 
     def __init__(
-        self, scene: bpy.types.Scene, override: bpy.types.Material | None = None, evaluate: bool = False
+        self,
+        scene: bpy.types.Scene,
+        override: bpy.types.Material | None = None,
+        evaluate: bool = False,
+        to_camera: bool = False,
     ) -> None:
-        cycles = getattr(scene, "cycles", None)  # absent where Cycles is disabled
-        self._caustics = Caustics(
-            bool(getattr(cycles, "caustics_reflective", True)), bool(getattr(cycles, "caustics_refractive", True))
-        )
+        self._caustics = Caustics() if to_camera else caustics_of(scene)
         self._override = override
         self._evaluate = evaluate
         self._images = ImageTable()

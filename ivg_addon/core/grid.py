@@ -139,6 +139,7 @@ class IrradianceVectorGrid:
         spatial: str = Spatial.TRILINEAR,
         directional: str = Directional.LEAST_SQUARES,
         normal_bias: float = DEFAULT_NORMAL_BIAS,
+        facing: ArrayLike | None = None,
     ) -> NDArray[np.float32]:
         """Return the irradiance E(p, n) = ⟨I_n(p), n⟩ that surfaces receive. [IVG eq. 1].
 
@@ -155,6 +156,9 @@ class IrradianceVectorGrid:
         normal_bias
             The look-up is moved along the normal, away from the surface, by this many voxels
             times the unlit share of the cells around the point: not at all in the open.
+        facing : (n, 3), optional
+            The surface's own normals, where `normals` are those of bumps on it: they tell on which side of walls a
+            point is.
 
         Returns
         -------
@@ -168,17 +172,8 @@ class IrradianceVectorGrid:
             Shapes that do not agree, coordinates that are not finite, normals of length zero, an
             interpolation that does not exist.
         """
-        try:
-            p = np.ascontiguousarray(points, dtype=np.float64)
-            n = np.ascontiguousarray(normals, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise SettingsError(f"points and normals must be numbers in the shape (n, 3): {error}") from error
-        if p.ndim != 2 or p.shape[1] != 3 or p.shape != n.shape:
-            raise SettingsError(f"points {p.shape} and normals {n.shape} must both have the shape (n, 3)")
-        if not (np.isfinite(p).all() and np.isfinite(n).all()):
-            raise SettingsError("points and normals must be finite numbers: NaN or infinity given")
-        if not n.any(axis=1).all():
-            raise SettingsError("normals must not have length zero")
+        p, n = _checked(points, normals)
+        own = None if facing is None else _checked(points, facing)[1]
         if not math.isfinite(normal_bias):
             raise SettingsError(
                 f"normal bias {normal_bias}: use a number of voxels, for instance {DEFAULT_NORMAL_BIAS}"
@@ -191,7 +186,7 @@ class IrradianceVectorGrid:
 
         vectors = self.vectors if directional is Directional.REPORT else self._interpolated[spatial]
         stored = (vectors, self.validity, self.partitions, self.lattice)
-        return irradiance(*stored, p, n, spatial, directional, normal_bias)
+        return irradiance(*stored, p, n, spatial, directional, normal_bias, own)
 
     def interpolated(self, spatial: Spatial) -> NDArray[np.float32]:
         """Return what default look-ups interpolate, of the shape of `vectors`: these without the cells' smoothing."""
@@ -219,3 +214,19 @@ class IrradianceVectorGrid:
         from .grid_file import load
 
         return load(Path(path))
+
+
+def _checked(points: ArrayLike, normals: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return points and normals as arrays of the same shape, (n, 3); raises `SettingsError`."""
+    try:
+        p = np.ascontiguousarray(points, dtype=np.float64)
+        n = np.ascontiguousarray(normals, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise SettingsError(f"points and normals must be numbers in the shape (n, 3): {error}") from error
+    if p.ndim != 2 or p.shape[1] != 3 or p.shape != n.shape:
+        raise SettingsError(f"points {p.shape} and normals {n.shape} must both have the shape (n, 3)")
+    if not (np.isfinite(p).all() and np.isfinite(n).all()):
+        raise SettingsError("points and normals must be finite numbers: NaN or infinity given")
+    if not n.any(axis=1).all():
+        raise SettingsError("normals must not have length zero")
+    return p, n

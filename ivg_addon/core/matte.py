@@ -71,3 +71,17 @@ def view_factor(views, view, cosine):
         (1.0 - t) * views[view, i, 1] + t * views[view, i + 1, 1],
         (1.0 - t) * views[view, i, 2] + t * views[view, i + 1, 2],
     )
+
+
+@inlined
+def rough_albedo(cos_out, roughness, colour):
+    """Return ∫ f(o, i) cos_i di for one channel, without the colour itself: what of even light is seen from o.
+
+    With ∫ (1 − E(i)) cos_i di / π = 1 − Ē this is E(o) + ρ² Ē (1 − E(o)) / (1 − ρ (1 − Ē)).
+    """
+    a = math.pi / (math.pi + roughness * (0.5 * math.pi - 2.0 / 3.0))
+    b = roughness * a
+    mean = a + b * (2.0 - 5.6 / math.pi) / 3.0
+    rho = min(max(colour, 0.0), 1.0)
+    seen = a + b * _mean_tilt(max(cos_out, 0.0)) / math.pi
+    return seen + rho * rho * mean * (1.0 - seen) / (1.0 - rho * (1.0 - mean))

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import time
 from collections.abc import Generator
@@ -15,15 +16,17 @@ from numpy.typing import NDArray
 from .camera import Camera
 from .camera_rays import camera_rays
 from .compiled import kernel
-from .embree import MISS, Tracer
+from .embree import Tracer
 from .errors import SettingsError
 from .grid import DEFAULT_NORMAL_BIAS, IrradianceVectorGrid
 from .progress import Progress
-from .scene import NO_TEXTURE, Float32, Scene
+from .scene import Float32, Scene
+from .seen_surfaces import DiffuseView
 from .settings import Directional, Spatial
 from .surface_bins import SurfaceBins
-from .surfaces import Surfaces, corner, place_at, shading_normal, texture_coordinates
-from .textures import surface_albedo
+from .surfaces import Surfaces
+
+Float64 = NDArray[np.float64]
 
 _BATCH = 1 << 15
 """Rays that are shaded together; a look-up of so many points uses no further threads."""
@@ -47,9 +50,9 @@ class Picture:
     light : (height, width, 3) float32
         Radiance ρ E/π that reaches the camera, W/(m² sr), mean over the pixel.
     color : (height, width, 3) float32
-        Diffuse reflectance ρ, mean over the pixel; zero where nothing is seen.
+        Diffuse reflectance ρ towards the camera, mean over the pixel; zero where nothing is seen.
     coverage : (height, width) float32
-        Share of the pixel in which a surface is seen.
+        Share of the pixel in which there is a surface, a transparent one or another.
     """
 
     light: Float32
@@ -75,8 +78,8 @@ def shade_steps(
 ) -> Generator[Progress, None, Picture]:
     """Shade what a camera sees by the grid; yields as it goes, returns a `Picture`.
 
-    At the first surface on a camera ray the reflected indirect light is ρ E(p, n)/π, n the shading normal on the side
-    that faces the camera.
+    At a surface on a camera ray the reflected indirect light is Σ ρ E(p, n)/π over its diffuse lobes, as
+    `seen_surfaces` tells. Rays pass up to 8 transparent surfaces.
 
     Parameters
     ----------
@@ -97,7 +100,7 @@ def shade_steps(
     look_up = look_up or LookUp()
     keep = None if visible is None else visible[scene.geometry.object]
     tracer = Tracer(scene.geometry, keep)
-    surfaces = Surfaces.of(scene, SurfaceBins.of(scene.geometry, np.inf))
+    view = DiffuseView(Surfaces.of(scene, SurfaceBins.of(scene.geometry, np.inf)))
     _irradiance(grid, np.zeros((1, 3)), np.eye(1, 3), look_up)  # what a grid prepares once, before there are threads
     pixels = camera.width * camera.height
     per_batch = max(1, _BATCH // samples)
@@ -105,14 +108,14 @@ def shade_steps(
 
     def shade(pixel: int) -> None:
         count = min(per_batch, pixels - pixel)
-        origins, directions = camera_rays(camera, pixel * samples, count * samples, samples, seed)
-        hits = tracer.intersect(origins, directions)
-        triangle = np.where(hits.distance <= camera.reach, hits.triangle, MISS)
-        seen = np.flatnonzero(triangle != MISS)
-        points, normals, albedo = np.empty((len(seen), 3)), np.empty((len(seen), 3)), np.empty((len(seen), 3))
-        meet(seen, directions, triangle, hits.u, hits.v, surfaces, points, normals, albedo)
-        light = _irradiance(grid, points, normals, look_up) * albedo / np.pi if len(seen) else albedo
-        add_up(seen, samples, light, albedo, sums[pixel : pixel + count])
+        of = sums[pixel : pixel + count]
+        rays = camera_rays(camera, pixel * samples, count * samples, samples, seed)
+        for passed, seen in enumerate(view.along(tracer, *rays, camera.reach)):
+            if passed == 0:
+                of[:, 6] = np.bincount(seen.met // samples, minlength=count)
+            facing = seen.facing if view.has_bumps else None
+            light = _irradiance(grid, seen.points, seen.normals, look_up, facing)
+            add_up(seen.ray, samples, light, seen.reflectance, of)
 
     starts = range(0, pixels, per_batch)
     with ThreadPoolExecutor(threads or os.cpu_count(), thread_name_prefix="ivg-picture") as pool:
@@ -131,9 +134,9 @@ def shade_steps(
 
 
 def _irradiance(
-    grid: IrradianceVectorGrid, points: NDArray[np.float64], normals: NDArray[np.float64], how: LookUp
-) -> NDArray[np.float32]:
-    return grid.irradiance(points, normals, how.spatial, how.directional, how.normal_bias)
+    grid: IrradianceVectorGrid, points: Float64, normals: Float64, how: LookUp, facing: Float64 | None = None
+) -> Float32:
+    return grid.irradiance(points, normals, how.spatial, how.directional, how.normal_bias, facing)
 
 
 def _picture(means: Float32, camera: Camera) -> Picture:
@@ -147,42 +150,10 @@ def _picture(means: Float32, camera: Camera) -> Picture:
 
 
 @kernel
-def meet(seen, directions, triangle, hit_u, hit_v, surfaces, points, normals, albedo):
-    """Fill points, normals and albedo (seen, 3) float64 with what the rays `seen` (indices) meet.
-
-    Normals are shading normals, turned to the side that the ray comes from.
-    """
-    vertices, triangles = surfaces.vertices, surfaces.triangles
-    for row in range(len(seen)):
-        ray = seen[row]
-        t, u, v = triangle[ray], hit_u[ray], hit_v[ray]
-        p = corner(vertices, triangles, t, 0)
-        q = corner(vertices, triangles, t, 1)
-        r = corner(vertices, triangles, t, 2)
-        x, y, z = surfaces.planes[t, 0], surfaces.planes[t, 1], surfaces.planes[t, 2]
-        away = directions[ray, 0] * x + directions[ray, 1] * y + directions[ray, 2] * z > 0.0
-        if surfaces.smooth[t]:
-            sx, sy, sz = shading_normal(surfaces.corner_normals, t, u, v)
-            if sx != 0.0 or sy != 0.0 or sz != 0.0:
-                x, y, z = sx, sy, sz
-        side = -1.0 if away else 1.0
-        normals[row, 0], normals[row, 1], normals[row, 2] = side * x, side * y, side * z
-        points[row, 0], points[row, 1], points[row, 2] = place_at(p, q, r, u, v)
-        # The textures' arrays are touched only where there is one: Numba counts references to them.
-        m = surfaces.back[surfaces.material[t]] if away else surfaces.material[t]
-        rho = (float(surfaces.albedo[m, 0]), float(surfaces.albedo[m, 1]), float(surfaces.albedo[m, 2]))
-        if surfaces.texture[m] != NO_TEXTURE:
-            a, b = texture_coordinates(surfaces.uvs, t, u, v)
-            rho = surface_albedo(m, a, b, surfaces.albedo, surfaces.texture, surfaces.pool)
-        albedo[row, 0], albedo[row, 1], albedo[row, 2] = rho
-
-
-@kernel
-def add_up(seen, samples, light, albedo, sums):
-    """Add light, albedo and one to the pixels, sums (pixels, 7) float32, of the rays `seen` (indices)."""
-    for row in range(len(seen)):
-        pixel = seen[row] // samples
+def add_up(ray, samples, irradiance, reflectance, sums):
+    """Add ρ E/π and ρ to the pixels, sums (pixels, 7) float32, of the rays `ray` (indices)."""
+    for row in range(len(ray)):
+        pixel = ray[row] // samples
         for c in range(3):
-            sums[pixel, c] += light[row, c]
-            sums[pixel, 3 + c] += albedo[row, c]
-        sums[pixel, 6] += 1.0
+            sums[pixel, c] += np.float32(irradiance[row, c] * reflectance[row, c] / math.pi)
+            sums[pixel, 3 + c] += np.float32(reflectance[row, c])
