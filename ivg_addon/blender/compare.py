@@ -42,8 +42,11 @@ if TYPE_CHECKING:
     from ..core.grid import IrradianceVectorGrid
     from ..core.picture import LookUp, Picture
 
-DEFAULT_SAMPLES = 64
-"""Camera rays per pixel of the grid's picture."""
+_LEAST_RAYS, _MOST_RAYS = 64, 1024
+"""Camera rays per pixel of the grid's picture. At edges of things 25 times as bright as the rest, 64 leave an error of
+6 % of the mean, 256 one of 2 %."""
+_RAYS = 1 << 25
+"""Of the whole picture, as far as that allows: some ten seconds."""
 
 _EXPORTED, _SHADED, _RENDERED, _KEPT = 0.05, 0.2, 0.97, 0.98
 _SCALE_STEPS = 255
@@ -197,7 +200,8 @@ def _shade_steps(
 
     start = time.perf_counter()
     visible = np.array([name not in hidden for name in scene.objects], dtype=np.bool_)
-    shaded = yield from shade_steps(scene, grid, camera, DEFAULT_SAMPLES, look_up, visible=visible)
+    rays = min(max(_RAYS // (camera.width * camera.height), _LEAST_RAYS), _MOST_RAYS)
+    shaded = yield from shade_steps(scene, grid, camera, rays, look_up, visible=visible)
     return shaded, time.perf_counter() - start
 
 
