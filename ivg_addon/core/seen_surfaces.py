@@ -15,13 +15,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiled import kernel
+from .compiled import kernel, merged
 from .embree import MISS, Tracer
 from .lobe_choice import lobe_color, look_up_lobes
 from .lobe_normals import own_normal, view_cosine
 from .lobe_scattering import MOST_PASSAGES
 from .lobes import BUMP, COLOR, KIND, NO_VIEW, ROUGHNESS, SECOND, VIEW
+from .look_up import unit
 from .matte import SMOOTH, rough_albedo, view_factor
+from .scattering import store
 from .scene import MATTE, NO_TEXTURE, SHEEN, TRANSLUCENT, TRANSPARENT, Float32
 from .surfaces import Surfaces, corner, place_at, shading_normal, texture_coordinates
 from .textures import surface_albedo
@@ -123,80 +125,83 @@ def see(
     count = 0
     for index in range(len(rays)):
         row, t, u, v = rays[index], triangle[index], float(hit_u[index]), float(hit_v[index])
-        w0, w1, w2 = carried[row, 0], carried[row, 1], carried[row, 2]
-        carried[row, 0], carried[row, 1], carried[row, 2] = 0.0, 0.0, 0.0
-        ox, oy, oz = -float(directions[row, 0]), -float(directions[row, 1]), -float(directions[row, 2])
-        length = np.sqrt(ox * ox + oy * oy + oz * oz)
-        ox, oy, oz = ox / length, oy / length, oz / length
-        # g and s on the side that is seen.
-        gx, gy, gz = float(surfaces.planes[t, 0]), float(surfaces.planes[t, 1]), float(surfaces.planes[t, 2])
-        sx, sy, sz = gx, gy, gz
-        if surfaces.smooth[t]:
-            x, y, z = shading_normal(surfaces.corner_normals, t, u, v)
-            if x != 0.0 or y != 0.0 or z != 0.0:
-                sx, sy, sz = x, y, z
-        front = ox * gx + oy * gy + oz * gz >= 0.0
+        o = unit(-float(directions[row, 0]), -float(directions[row, 1]), -float(directions[row, 2]))
+        front, g, s = _side_seen(surfaces.planes, surfaces.smooth, surfaces.corner_normals, t, u, v, o)
         material = surfaces.material[t] if front else surfaces.back[surfaces.material[t]]
-        if not front:
-            gx, gy, gz, sx, sy, sz = -gx, -gy, -gz, -sx, -sy, -sz
-        p, q, r = (
-            corner(vertices, triangles, t, 0),
-            corner(vertices, triangles, t, 1),
-            corner(vertices, triangles, t, 2),
-        )
-        x, y, z = place_at(p, q, r, u, v)
+        p = corner(vertices, triangles, t, 0)
+        x, y, z = place_at(p, corner(vertices, triangles, t, 1), corner(vertices, triangles, t, 2), u, v)
         a, b = texture_coordinates(uvs, t, u, v)
+        start, stop = first[material], first[material + 1]
         if surfaces.lobes.textured[material]:
-            start, stop = first[material], first[material + 1]
             look_up_lobes(numbers, surfaces.lobes.numbers, codes, start, stop, surfaces.pool, a, b)
-        for lobe in range(first[material] - 1, first[material + 1]):
-            # Before the lobes comes what is nothing but a cosine.
-            kind, bump = MATTE, 0
-            nx, ny, nz = sx, sy, sz
-            if lobe < first[material]:
-                if surfaces.lobes.matte[material]:
-                    continue
-                # The textures' arrays are touched only where there is one: Numba counts references to them.
+        on0, on1, on2 = 0.0, 0.0, 0.0
+        # Before the lobes comes what is nothing but a cosine.
+        for lobe in range(start if surfaces.lobes.matte[material] else start - 1, stop):
+            kind = MATTE if lobe < start else codes[lobe, KIND]
+            if kind != MATTE and kind != SHEEN and kind != TRANSLUCENT and kind != TRANSPARENT:
+                continue
+            n = s
+            if lobe < start:
                 f0, f1, f2 = lobe_color(surfaces.albedo, material, 0)
+                # The textures' arrays are touched only where there is one: Numba counts references to them.
                 if surfaces.texture[material] != NO_TEXTURE:
                     f0, f1, f2 = surface_albedo(material, a, b, surfaces.albedo, surfaces.texture, surfaces.pool)
             else:
-                kind, bump = codes[lobe, KIND], codes[lobe, BUMP]
-                if kind != MATTE and kind != SHEEN and kind != TRANSLUCENT and kind != TRANSPARENT:
-                    continue
-                if bump != 0:
-                    nx, ny, nz = own_normal(numbers, lobe, bump, front, False, sx, sy, sz, vertices, triangles, uvs, t)
-                cosine = ox * nx + oy * ny + oz * nz
-                f0, f1, f2 = lobe_color(numbers, lobe, COLOR)
-                if kind == MATTE and numbers[lobe, ROUGHNESS] >= SMOOTH:
-                    roughness = float(numbers[lobe, ROUGHNESS])
-                    m0, m1, m2 = lobe_color(numbers, lobe, SECOND)
-                    f0 *= rough_albedo(cosine, roughness, m0)
-                    f1 *= rough_albedo(cosine, roughness, m1)
-                    f2 *= rough_albedo(cosine, roughness, m2)
-                if codes[lobe, VIEW] != NO_VIEW:
-                    below = kind == MATTE or kind == SHEEN
-                    cosine = view_cosine(bump, below, cosine, ox, oy, oz, gx, gy, gz, nx, ny, nz, sx, sy, sz)
-                    m0, m1, m2 = view_factor(views, codes[lobe, VIEW], cosine)
-                    f0, f1, f2 = f0 * m0, f1 * m1, f2 * m2
-            f0, f1, f2 = w0 * f0, w1 * f1, w2 * f2
+                if codes[lobe, BUMP] != 0:
+                    n = own_normal(
+                        numbers, lobe, codes[lobe, BUMP], front, False, s[0], s[1], s[2], vertices, triangles, uvs, t
+                    )
+                f0, f1, f2 = _seen_color(numbers, codes, views, lobe, o, g, n, s)
+            f0, f1, f2 = carried[row, 0] * f0, carried[row, 1] * f1, carried[row, 2] * f2
             if kind == TRANSPARENT:
-                carried[row, 0] += f0
-                carried[row, 1] += f1
-                carried[row, 2] += f2
+                on0, on1, on2 = on0 + f0, on1 + f1, on2 + f2
             elif largest_of(f0, f1, f2) > 0.0:
                 side = -1.0 if kind == TRANSLUCENT else 1.0
                 ray[count] = row
                 points[count, 0], points[count, 1], points[count, 2] = x, y, z
-                facing[count, 0], facing[count, 1], facing[count, 2] = side * sx, side * sy, side * sz
-                normals[count, 0], normals[count, 1], normals[count, 2] = side * nx, side * ny, side * nz
                 reflectance[count, 0], reflectance[count, 1], reflectance[count, 2] = f0, f1, f2
+                for axis in range(3):
+                    facing[count, axis], normals[count, axis] = side * s[axis], side * n[axis]
                 count += 1
-        if largest_of(carried[row, 0], carried[row, 1], carried[row, 2]) < _LEAST_CARRIED:
-            carried[row, 0], carried[row, 1], carried[row, 2] = 0.0, 0.0, 0.0
-        else:
-            away = offset_distance(x, y, z, float(surfaces.planes[t, 3]))
-            origins[row, 0] = np.float32(x - away * gx)
-            origins[row, 1] = np.float32(y - away * gy)
-            origins[row, 2] = np.float32(z - away * gz)
+        if largest_of(on0, on1, on2) < _LEAST_CARRIED:
+            on0, on1, on2 = 0.0, 0.0, 0.0
+        carried[row, 0], carried[row, 1], carried[row, 2] = on0, on1, on2
+        away = offset_distance(x, y, z, float(surfaces.planes[t, 3]))
+        store(origins, row, x - away * g[0], y - away * g[1], z - away * g[2])
     return count
+
+
+@merged
+def _side_seen(planes, smooth, corner_normals, t, u, v, o):
+    """Return whether o sees a triangle's front, and the geometric and the smooth normal on the side that it sees."""
+    g = (float(planes[t, 0]), float(planes[t, 1]), float(planes[t, 2]))
+    s = g
+    if smooth[t]:
+        x, y, z = shading_normal(corner_normals, t, u, v)
+        if x != 0.0 or y != 0.0 or z != 0.0:
+            s = (x, y, z)
+    front = o[0] * g[0] + o[1] * g[1] + o[2] * g[2] >= 0.0
+    side = 1.0 if front else -1.0
+    return front, (side * g[0], side * g[1], side * g[2]), (side * s[0], side * s[1], side * s[2])
+
+
+@merged
+def _seen_color(numbers, codes, views, lobe, o, g, n, s):
+    """Return what of even light a lobe sends towards o; its normal is n."""
+    cosine = o[0] * n[0] + o[1] * n[1] + o[2] * n[2]
+    f0, f1, f2 = lobe_color(numbers, lobe, COLOR)
+    kind, roughness = codes[lobe, KIND], float(numbers[lobe, ROUGHNESS])
+    if kind == MATTE and roughness >= SMOOTH:
+        m0, m1, m2 = lobe_color(numbers, lobe, SECOND)
+        f0 *= rough_albedo(cosine, roughness, m0)
+        f1 *= rough_albedo(cosine, roughness, m1)
+        f2 *= rough_albedo(cosine, roughness, m2)
+    if codes[lobe, VIEW] != NO_VIEW:
+        below = kind == MATTE or kind == SHEEN
+        bump = codes[lobe, BUMP]
+        cosine = view_cosine(
+            bump, below, cosine, o[0], o[1], o[2], g[0], g[1], g[2], n[0], n[1], n[2], s[0], s[1], s[2]
+        )
+        m0, m1, m2 = view_factor(views, codes[lobe, VIEW], cosine)
+        f0, f1, f2 = f0 * m0, f1 * m1, f2 * m2
+    return f0, f1, f2
