@@ -22,13 +22,14 @@ from numpy.typing import NDArray
 from ivg_addon.core.bake import bake
 from ivg_addon.core.compiled import kernel
 from ivg_addon.core.grid import DEFAULT_NORMAL_BIAS, IrradianceVectorGrid
-from ivg_addon.core.look_up import is_divided, leave_to_speakers, stencil, step_back, unit, weigh
+from ivg_addon.core.look_up import is_divided, leave_to_speakers, stencil, step_back, weigh
 from ivg_addon.core.look_up_rules import WITHIN
 from ivg_addon.core.metrics import compare
 from ivg_addon.core.progress import finish
 from ivg_addon.core.reconstruction import LEAST_SQUARES, directional_coefficients
 from ivg_addon.core.sample_points import LitBox, Places, find_light_steps, free_space_points, surface_points
 from ivg_addon.core.settings import BakeSettings, Spatial
+from ivg_addon.core.vectors import unit
 
 from .accuracy import AT_POINTS, bounds, open_scene, truth_at
 

@@ -17,9 +17,9 @@ import time
 from pathlib import Path
 
 import bpy
-import numpy as np
 
 from ivg_addon.blender.blend_file import open_blend
+from ivg_addon.blender.bounds import automatic_resolution
 from ivg_addon.blender.compare import compare_steps
 from ivg_addon.blender.export import export_render_steps
 from ivg_addon.core.bake import bake
@@ -72,8 +72,7 @@ def compare_scene(blend: Path, pictures: Path, arguments: argparse.Namespace) ->
     exported = finish(export_render_steps(scene, bpy.context.view_layer))
     low, high = bounds(exported)
     for longest_side, photons in arguments.grids:
-        size = np.subtract(high, low)
-        x, y, z = (max(1, round(longest_side * float(side / size.max()))) for side in size)
+        x, y, z = automatic_resolution((high[0] - low[0], high[1] - low[1], high[2] - low[2]), longest_side)
         start = time.perf_counter()
         grid = bake(exported, BakeSettings(low, high, (x, y, z), photons=photons)).grid
         seconds = time.perf_counter() - start

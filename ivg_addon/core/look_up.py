@@ -7,21 +7,20 @@ in memory) and contracted with the 18 coefficients of the normal once.
 
 from __future__ import annotations
 
-import math
 import os
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiled import inlined, kernel, merged
+from .compiled import kernel, merged
 from .dual_cells import Lattice
 from .look_up_rules import FULLY_COUNTED, LEAST_DIVIDED, LEAST_SPOKEN, WITHIN
 from .partitions import Partitions
 from .reconstruction import DIRECTIONAL_CODES, directional_coefficients
 from .settings import Directional, Spatial
 from .sides import hears, speaks_for
-from .vectors import largest_of
+from .vectors import unit
 
 Float32 = NDArray[np.float32]
 Float64 = NDArray[np.float64]
@@ -158,15 +157,6 @@ def blend(vectors, vertices, weights, size, blended):
             for m in range(54):
                 blended[m] += share * vectors[vertex, m]
     return total > 0.0
-
-
-@inlined
-def unit(x, y, z):
-    """Return the unit vector along a vector of any length that floats can hold, but zero."""
-    largest = largest_of(x, y, z)
-    x, y, z = x / largest, y / largest, z / largest
-    length = math.sqrt(x * x + y * y + z * z)
-    return x / length, y / length, z / length
 
 
 @kernel

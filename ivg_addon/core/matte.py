@@ -36,6 +36,14 @@ def _mean_tilt(cosine):
 
 
 @inlined
+def _terms(roughness):
+    """Return A, B and Ē of the module's equation."""
+    a = math.pi / (math.pi + roughness * (0.5 * math.pi - 2.0 / 3.0))
+    b = roughness * a
+    return a, b, a + b * (2.0 - 5.6 / math.pi) / 3.0
+
+
+@inlined
 def rough_diffuse(cos_in, cos_out, cos_between, roughness, colour):
     """Return π f(o, i) for one channel, without the colour itself; see the module's equation.
 
@@ -47,12 +55,10 @@ def rough_diffuse(cos_in, cos_out, cos_between, roughness, colour):
         That of the angle between the two.
     """
     cos_out = max(cos_out, 0.0)
-    a = math.pi / (math.pi + roughness * (0.5 * math.pi - 2.0 / 3.0))
-    b = roughness * a
+    a, b, mean = _terms(roughness)
     t = cos_between - cos_in * cos_out
     if t > 0.0:
         t /= max(cos_in, cos_out)
-    mean = a + b * (2.0 - 5.6 / math.pi) / 3.0
     rho = min(max(colour, 0.0), 1.0)
     seen = a + b * _mean_tilt(cos_out) / math.pi
     lit = a + b * _mean_tilt(cos_in) / math.pi
@@ -79,9 +85,7 @@ def rough_albedo(cos_out, roughness, colour):
 
     With ∫ (1 − E(i)) cos_i di / π = 1 − Ē this is E(o) + ρ² Ē (1 − E(o)) / (1 − ρ (1 − Ē)).
     """
-    a = math.pi / (math.pi + roughness * (0.5 * math.pi - 2.0 / 3.0))
-    b = roughness * a
-    mean = a + b * (2.0 - 5.6 / math.pi) / 3.0
+    a, b, mean = _terms(roughness)
     rho = min(max(colour, 0.0), 1.0)
     seen = a + b * _mean_tilt(max(cos_out, 0.0)) / math.pi
     return seen + rho * rho * mean * (1.0 - seen) / (1.0 - rho * (1.0 - mean))

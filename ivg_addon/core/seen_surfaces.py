@@ -21,13 +21,12 @@ from .lobe_choice import lobe_color, look_up_lobes
 from .lobe_normals import own_normal, view_cosine
 from .lobe_scattering import MOST_PASSAGES
 from .lobes import BUMP, COLOR, KIND, NO_VIEW, ROUGHNESS, SECOND, VIEW
-from .look_up import unit
 from .matte import SMOOTH, rough_albedo, view_factor
 from .scattering import store
 from .scene import MATTE, NO_TEXTURE, SHEEN, TRANSLUCENT, TRANSPARENT, Float32
 from .surfaces import Surfaces, corner, place_at, shading_normal, texture_coordinates
 from .textures import surface_albedo
-from .vectors import largest_of, offset_distance
+from .vectors import largest_of, offset_distance, unit
 
 Float64 = NDArray[np.float64]
 

@@ -18,6 +18,15 @@ def largest_of(a, b, c):
 
 
 @inlined
+def unit(x, y, z):
+    """Return the unit vector along a vector of any length that floats can hold, but zero."""
+    largest = largest_of(x, y, z)
+    x, y, z = x / largest, y / largest, z / largest
+    length = math.sqrt(x * x + y * y + z * z)
+    return x / length, y / length, z / length
+
+
+@inlined
 def orthonormal_basis(nx, ny, nz):
     """Return tangent and bitangent (six floats) of the unit vector n.
 

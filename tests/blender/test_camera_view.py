@@ -16,7 +16,7 @@ from ivg_addon.blender.export_camera import export_camera  # noqa: E402
 from ivg_addon.core.picture import shade_steps  # noqa: E402
 
 from ..core.steps import drain  # noqa: E402
-from ..core.test_picture import AXES, grid  # noqa: E402
+from ..core.test_picture import uniform_light  # noqa: E402
 from .export_scenes import Build, add_object, empty_scene, new_material  # noqa: E402
 from .export_trees import RED, pair, shader, surface  # noqa: E402
 
@@ -78,7 +78,7 @@ def test_surfaces_show_of_even_light_what_they_show_in_cycles(name: str, caustic
     scene = ground(MATERIALS[name])
     scene.cycles.caustics_reflective = scene.cycles.caustics_refractive = caustics
     cycles = drain(render_steps(scene, bpy.context.view_layer, samples=256, include_direct=True))
-    even = grid(math.pi * np.ones((1, 3, 1)) * AXES[:, None, :])
+    even = uniform_light(np.ones(3))
     arrays = drain(export_render_steps(scene, bpy.context.view_layer, to_camera=True))
     camera = export_camera(bpy.context.evaluated_depsgraph_get())
     shaded = drain(shade_steps(arrays, even, camera, 16))

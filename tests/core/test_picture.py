@@ -40,9 +40,18 @@ def grid(vectors: np.ndarray) -> IrradianceVectorGrid:
     )
 
 
-def uniform_light() -> IrradianceVectorGrid:
+def uniform_light(radiance: np.ndarray = RADIANCE) -> IrradianceVectorGrid:
     """Return the grid of the same radiance from everywhere: I_δ = π L δ, E = π L."""
-    return grid(np.pi * RADIANCE[None, :, None] * AXES[:, None, :])
+    return grid(np.pi * radiance[None, :, None] * AXES[:, None, :])
+
+
+def distant_light(omega: np.ndarray) -> IrradianceVectorGrid:
+    """Return the grid of a distant light along ω: I_δ = Φ ω where δ·ω > 0.
+
+    The report's interpolation returns that as Φ max(0, ω·n).
+    """
+    lit = (AXES @ omega > 0)[:, None, None]
+    return grid(np.where(lit, RADIANCE[None, :, None] * omega, 0.0))
 
 
 def camera(**changes: object) -> Camera:
@@ -106,12 +115,9 @@ def test_what_the_camera_does_not_see_hides_nothing() -> None:
 
 
 def test_shading_normals_are_interpolated() -> None:
-    """A distant light along ω has I_δ = Φ ω where δ·ω > 0, which the report's interpolation returns as Φ ω·n.
-
-    On an octahedron with the normals of its sphere, a point p has the normal p/|p|.
-    """
+    """On an octahedron with the normals of its sphere, a point p has the normal p/|p|."""
     omega = np.array([1.0, 2.0, 2.0]) / 3.0
-    distant = grid(np.where((AXES @ omega > 0)[:, None, None], RADIANCE[None, :, None] * omega, 0.0))
+    distant = distant_light(omega)
     view = camera(projection=Projection.ORTHOGRAPHIC, frame=(0.0, 1.0, 0.0, 1.0), filter_width=1e-6)
     view.matrix[2, 3] = 3.0
     ball = rooms.scene([rooms.ball(rounds=0)], albedo=[(1.0, 1.0, 1.0)])

@@ -20,17 +20,10 @@ from ivg_addon.core.settings import Directional
 from . import rooms
 from .lobe_scenes import lobe, with_lobes
 from .steps import drain
-from .test_picture import AXES, RADIANCE, camera, grid, uniform_light, wall
+from .test_picture import RADIANCE, RHO, camera, distant_light, uniform_light, wall
 
-RHO = np.array([0.2, 0.4, 0.8])
 LINEAR = 1.5 * np.linspace(0.0, 1.0, VIEW_STEPS)[:, None]
 """A view that grows with the cosine μ."""
-
-
-def from_one_side(towards: np.ndarray) -> IrradianceVectorGrid:
-    """Return the grid of a distant light along `towards`: E = Φ max(0, ω·n), by the report's interpolation."""
-    lit = (AXES @ towards > 0)[:, None, None]
-    return grid(np.where(lit, RADIANCE[None, :, None] * np.asarray(towards), 0.0))
 
 
 def pixel_cosines(size: int = 8) -> np.ndarray:
@@ -101,7 +94,7 @@ def test_rough_albedo_is_right_in_the_mean() -> None:
 
 
 def test_translucent_lobes_show_the_light_of_the_other_side() -> None:
-    behind = from_one_side(np.array([0.0, 0.0, -1.0]))
+    behind = distant_light(np.array([0.0, 0.0, -1.0]))
     through = look_at(lobe(TRANSLUCENT, RHO), light=behind)
     np.testing.assert_allclose(through.light, np.broadcast_to(RHO * RADIANCE / np.pi, (8, 8, 3)), rtol=1e-5)
     assert not look_at(lobe(MATTE, RHO), light=behind).light.any()
@@ -111,7 +104,7 @@ def test_lobes_are_lit_by_their_own_normals() -> None:
     """Relative normals are in the axes of the texture coordinates."""
     tilted = np.array([0.6, 0.0, 0.8])
     omega = np.array([2.0, 1.0, 2.0]) / 3.0
-    lit = look_at(lobe(MATTE, RHO, bump=OWN, normal=tilted), light=from_one_side(omega))
+    lit = look_at(lobe(MATTE, RHO, bump=OWN, normal=tilted), light=distant_light(omega))
     np.testing.assert_allclose(
         lit.light, np.broadcast_to(RHO * RADIANCE / np.pi * (tilted @ omega), (8, 8, 3)), rtol=1e-4
     )
