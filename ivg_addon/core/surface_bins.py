@@ -24,9 +24,9 @@ PATCHES_PER_VOXEL = 8
 """Along an edge."""
 PHOTONS_PER_PATCH = 8
 
-_MOST_DIVISIONS = 512
+_MOST_OF_ONE = 1 << 18
+"""Patches of a triangle."""
 _MOST_PATCHES = 1 << 20
-"""Every thread counts for itself, 8 bytes a patch."""
 
 
 @dataclass(frozen=True)
@@ -35,8 +35,9 @@ class SurfaceBins:
 
     Parameters
     ----------
-    divisions : (nt,) int32
-        d: the triangle has d² patches, d along each barycentric axis.
+    divisions : (nt, 3) int32
+        c, m, n: the corner where the triangle's two shorter edges meet; into how many parts the one to the next corner
+        is cut, and the one from the corner before. Of the m n patches, those that lie beyond the third edge are empty.
     offset : (nt,) int64
         Index of the triangle's first patch.
     count
@@ -49,21 +50,27 @@ class SurfaceBins:
 
     @classmethod
     def of(cls, geometry: Geometry, patch_size: float, most: int = _MOST_PATCHES) -> SurfaceBins:
-        """Divide every triangle into patches whose edges are about `patch_size` metres or less.
+        """Divide every triangle into patches whose edges are `patch_size` metres or less.
 
         Larger ones are made where triangles are huge, and everywhere if there would be more than `most` patches beyond
         one for each triangle.
         """
-        longest = np.empty(geometry.triangle_count)
-        measure_edges(geometry.vertices, geometry.triangles, longest)
+        edges = np.empty((geometry.triangle_count, 3))
+        measure_edges(geometry.vertices, geometry.triangles, edges)
+        corner = (np.argmax(edges, axis=1) + 2) % 3
+        shorter = np.stack(
+            [np.take_along_axis(edges, (corner + turn)[:, None] % 3, 1)[:, 0] for turn in (0, 2)], axis=1
+        )
         while True:
-            divisions = np.clip(np.ceil(longest / patch_size), 1, _MOST_DIVISIONS).astype(np.int32)
-            patches = divisions.astype(np.int64) ** 2
+            parts = np.clip(shorter / patch_size, 1.0, _MOST_OF_ONE)
+            parts /= np.sqrt(np.maximum(1.0, parts.prod(axis=1, keepdims=True) / _MOST_OF_ONE))
+            parts = np.maximum(1, np.ceil(parts)).astype(np.int32)
+            patches = parts.prod(axis=1, dtype=np.int64)
             if patches.sum() - geometry.triangle_count <= min(most, _MOST_PATCHES):
                 break
             patch_size *= 2.0
         return cls(
-            divisions=divisions,
+            divisions=np.concatenate([corner[:, None].astype(np.int32), parts], axis=1),
             offset=np.cumsum(patches) - patches,
             count=int(patches.sum()),
         )
@@ -74,24 +81,26 @@ class SurfaceBins:
 
 
 @kernel
-def measure_edges(vertices, triangles, longest):
-    """Fill longest (nt,) float64 with the longer of the two edges at each triangle's first corner."""
+def measure_edges(vertices, triangles, edges):
+    """Fill edges (nt, 3) float64 with the lengths of those from each corner to the next."""
     for triangle in range(len(triangles)):
-        p = triangles[triangle, 0]
-        squared = 0.0
-        for c in range(1, 3):
-            q = triangles[triangle, c]
+        for c in range(3):
+            p, q = triangles[triangle, c], triangles[triangle, (c + 1) % 3]
             x = np.float64(vertices[q, 0]) - np.float64(vertices[p, 0])
             y = np.float64(vertices[q, 1]) - np.float64(vertices[p, 1])
             z = np.float64(vertices[q, 2]) - np.float64(vertices[p, 2])
-            squared = max(squared, x * x + y * y + z * z)
-        longest[triangle] = np.sqrt(squared)
+            edges[triangle, c] = np.sqrt(x * x + y * y + z * z)
 
 
 @merged
 def patch_of(triangle, u, v, divisions, offset):
     """Return the index of the patch at barycentric coordinates u, v of a triangle."""
-    d = divisions[triangle]
-    a = min(int(u * d), d - 1)
-    b = min(int(v * d), d - 1)
-    return offset[triangle] + a * d + b
+    c, m, n = divisions[triangle, 0], divisions[triangle, 1], divisions[triangle, 2]
+    s, t = u, v
+    if c == 1:
+        s, t = v, 1.0 - u - v
+    elif c == 2:
+        s, t = 1.0 - u - v, u
+    a = min(max(int(s * m), 0), m - 1)
+    b = min(max(int(t * n), 0), n - 1)
+    return offset[triangle] + a * n + b

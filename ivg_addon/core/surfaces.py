@@ -32,7 +32,7 @@ class Surfaces(NamedTuple):
         True for those, and for triangles whose materials have lobes on either side.
     back : (m,) int32
         The material that describes a material's back side; itself where both sides are alike.
-    bin_divisions : (nt,) int32, bin_offset : (nt,) int64
+    bin_divisions : (nt, 3) int32, bin_offset : (nt,) int64
         See `surface_bins.SurfaceBins`.
     """
 

@@ -69,7 +69,7 @@ def test_another_seed_is_another_walk() -> None:
 def test_more_photons_begin_like_fewer(monkeypatch: pytest.MonkeyPatch) -> None:
     """Photon 7 is the same whoever else flies; only the fixed-point scale depends on their number."""
     monkeypatch.setattr(photon_walk, "BATCH", 500)
-    few, many = (walk(room(), replace(SETTINGS, photons=n)) for n in (500, 1000))
+    few, many = (walk(room(), replace(SETTINGS, photons=n)) for n in (1000, 2000))
     assert (many.bin_counts >= few.bin_counts).all()
     assert many.bin_counts.sum() > few.bin_counts.sum()
 

@@ -31,7 +31,7 @@ def knowledge(of: Scene, front: Sequence[int], back: Sequence[int], world_shines
     """Return what a walk would know if each patch of object i had received front[i] and back[i] photons."""
     bins = SurfaceBins.of(of.geometry, 0.5)
     counts = bins.empty_counts()
-    patch_object = np.repeat(of.geometry.object, bins.divisions.astype(np.int64) ** 2)
+    patch_object = np.repeat(of.geometry.object, bins.divisions[:, 1:].prod(axis=1))
     counts[:, FRONT], counts[:, BACK] = np.array(front)[patch_object], np.array(back)[patch_object]
     return LightKnowledge(of.geometry, Tracer(of.geometry), bins, counts, world_shines)
 
