@@ -125,13 +125,16 @@ def scatter_at_lobes(
     flight,
     most_bounces,
     surfaces,
-    bin_counts,
+    counted_from,
+    landed,
+    brought,
     energy,
     waiting,
     alive,
     late,
+    arrivals,
 ):
-    """Scatter the photons that `scatter` left waiting; return how many are alive, which move to the front.
+    """Scatter the photons that `scatter` left waiting; return how many live, which move to the front, and arrivals.
 
     Parameters are those of `scatter`, and the numbers that it returned.
     """
@@ -166,7 +169,10 @@ def scatter_at_lobes(
         lit = dark[row] == 0.0
         patch = patch_of(triangle, u, v, bin_divisions, bin_offset)
         if lit:
-            bin_counts[patch, side] += 1
+            landed[arrivals] = 2 * patch + side
+            share = 1.0 if bounces[row] >= counted_from else 0.0
+            store(brought, arrivals, share * w0, share * w1, share * w2)
+            arrivals += 1
         # Where no light arrives yet, and what diffuse rays do not see, lets photons pass and does nothing else.
         scatters = lit and reflects[triangle] and cos_is > 0.0 and cos_ig > 0.0
         s, t = texture_coordinates(uvs, triangle, u, v)
@@ -300,7 +306,9 @@ def scatter_at_lobes(
 
         if transmitted and lit:
             # Light leaves from the other side: who sees that side is lit.
-            bin_counts[patch, 1 - side] += 1
+            landed[arrivals] = 2 * patch + 1 - side
+            store(brought, arrivals, 0.0, 0.0, 0.0)
+            arrivals += 1
         p = corner(vertices, triangles, triangle, 0)
         q = corner(vertices, triangles, triangle, 1)
         r = corner(vertices, triangles, triangle, 2)
@@ -311,7 +319,7 @@ def scatter_at_lobes(
         store(weights, row, r0 / survival, r1 / survival, r2 / survival)
         if not passes:
             bounces[row] += 1
-    return _close_ranks(photons, origins, directions, weights, bounces, dark, waiting, alive, late)
+    return _close_ranks(photons, origins, directions, weights, bounces, dark, waiting, alive, late), arrivals
 
 
 @merged

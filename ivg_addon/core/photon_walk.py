@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from .dual_cells import Lattice
 from .embree import Hits, Tracer
 from .emission import Emission, leave_darkness
+from .landings import Landings
 from .lobe_scattering import MOST_PASSAGES, scatter_at_lobes
 from .partitions import Partitions
 from .progress import Progress
@@ -48,6 +49,9 @@ class Walk:
         Sums of the irradiance vectors.
     bin_counts : (patches, 2) int32
         Photons received by each side of each patch of surface.
+    received : (patches, 2, 3) float64
+        Share of the emitted photons' weight that arrived there as light that the grid counts; multiply by
+        `Emission.flux_scale` for watts.
     rays
         Flights traced.
     escaped, absorbed, cut : (3,) float64
@@ -59,6 +63,7 @@ class Walk:
 
     tally: Tally
     bin_counts: Int32
+    received: NDArray[np.float64]
     rays: int
     escaped: NDArray[np.float64]
     absorbed: NDArray[np.float64]
@@ -96,15 +101,19 @@ class Course:
 
 
 class Worker:
-    """One thread's sums and its buffers for a batch."""
+    """One thread's sums and its buffers for a batch; without `landings` nobody asks where photons land."""
 
-    def __init__(self, course: Course, lattice: Lattice, settings: BakeSettings) -> None:
+    def __init__(
+        self, course: Course, lattice: Lattice, settings: BakeSettings, landings: Landings | None = None
+    ) -> None:
         self.course = course
         self.settings = settings
         self.some_pass = bool(course.surfaces.lobes.lets_pass.any())
         self.most_flights = settings.bounces + 1 + (MOST_PASSAGES if self.some_pass else 0)
         self.tally = Tally.empty(lattice, settings.estimator, settings.photons, self.most_flights - 1)
-        self.bin_counts = course.bins.empty_counts()
+        self.landings = landings
+        self.landed = np.empty(2 * BATCH, dtype=np.int64)
+        self.brought = np.empty((2 * BATCH, 3), dtype=np.float32)
         self.energy = np.zeros((3, 3), dtype=np.int64)
         self.rays = 0
         self.embree_seconds = 0.0
@@ -193,10 +202,13 @@ class Worker:
             weights *= factor[:, None]
         scene = (hits.triangle, hits.u, hits.v, settings.seed, flight, settings.bounces, course.surfaces)
         photons = (self.photons[:n], origins, directions, weights, bounces, dark, self.standard)
-        sums = (self.bin_counts, self.energy, self.waiting)
-        alive, late = scatter(*photons, *scene, *sums)
+        arrived = (0 if settings.include_direct else 1, self.landed, self.brought)
+        alive, late, arrivals = scatter(*photons, *scene, *arrived, self.energy, self.waiting)
         if late:
-            alive = scatter_at_lobes(*photons, *scene, *sums, alive, late)
+            so_far = (alive, late, arrivals)
+            alive, arrivals = scatter_at_lobes(*photons, *scene, *arrived, self.energy, self.waiting, *so_far)
+        if self.landings is not None:
+            self.landings.receive(self.landed[:arrivals], self.brought[:arrivals])
         return int(alive)
 
     def _fall_off(self, flight: int, hits: Hits) -> Float32:
@@ -254,7 +266,8 @@ class Walkers:
 
     def __init__(self, course: Course, lattice: Lattice, settings: BakeSettings) -> None:
         self._photons = settings.photons
-        self._workers = [Worker(course, lattice, settings) for _ in range(thread_count(settings))]
+        self._landings = Landings(course.bins)
+        self._workers = [Worker(course, lattice, settings, self._landings) for _ in range(thread_count(settings))]
         self._traced = 0
         self._seconds = 0.0
 
@@ -310,10 +323,7 @@ class Walkers:
 
     def bin_counts(self) -> Int32:
         """Return the photons received so far by each side of each patch, (patches, 2)."""
-        total = self._workers[0].bin_counts.copy()
-        for worker in self._workers[1:]:
-            total += worker.bin_counts
-        return total
+        return self._landings.counts
 
     def walk(self) -> Walk:
         """Sum what the threads kept."""
@@ -324,7 +334,8 @@ class Walkers:
         share = energy / (ENERGY_STEPS * self._photons)
         return Walk(
             tally=tally,
-            bin_counts=self.bin_counts(),
+            bin_counts=self._landings.counts,
+            received=self._landings.weights / self._photons,
             rays=sum(worker.rays for worker in self._workers),
             escaped=share[ESCAPED],
             absorbed=share[ABSORBED],

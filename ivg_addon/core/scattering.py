@@ -55,7 +55,9 @@ def scatter(
     flight,
     most_bounces,
     surfaces,
-    bin_counts,
+    counted_from,
+    landed,
+    brought,
     energy,
     waiting,
 ):
@@ -82,8 +84,10 @@ def scatter(
     most_bounces
         After so many bounces no further one follows.
     surfaces : Surfaces
-    bin_counts : (patches, 2) int32
-        Photons received per patch and side; changed in place.
+    counted_from
+        Light that has bounced so often is the grid's.
+    landed : (2 n,) int64, brought : (2 n, 3) float32
+        Filled with 2 · patch + side of all arrivals, and what weight of the grid's light arrived there: see `Landings`.
     energy : (3, 3) int64
         Rows `ESCAPED`, `ABSORBED`, `CUT` by channel, in `ENERGY_STEPS`; changed in place.
 
@@ -93,16 +97,15 @@ def scatter(
 
     Returns
     -------
-    alive, late : int
-        The number of survivors, waiting ones included, and that of those that wait.
+    alive, late, arrivals : int
+        The number of survivors, waiting ones included; that of those that wait; and of arrivals so far.
     """
     vertices, triangles, planes = surfaces.vertices, surfaces.triangles, surfaces.planes
     smooth, material, special = surfaces.smooth, surfaces.material, surfaces.special
     albedo, texture, back = surfaces.albedo, surfaces.texture, surfaces.back
     bin_divisions, bin_offset = surfaces.bin_divisions, surfaces.bin_offset
     standard_mask = len(standard) - 1
-    landed = np.empty(len(photons), dtype=np.int64)
-    hits = 0
+    arrivals = 0
     alive = 0
     late = 0
     for ray in range(len(photons)):
@@ -124,8 +127,10 @@ def scatter(
         gx, gy, gz = float(planes[triangle, 0]), float(planes[triangle, 1]), float(planes[triangle, 2])
         cos_g = -(dx * gx + dy * gy + dz * gz)
         side = FRONT if cos_g > 0.0 else BACK
-        landed[hits] = 2 * patch_of(triangle, u, v, bin_divisions, bin_offset) + side
-        hits += 1
+        landed[arrivals] = 2 * patch_of(triangle, u, v, bin_divisions, bin_offset) + side
+        share = 1.0 if bounces[ray] >= counted_from else 0.0
+        store(brought, arrivals, share * w0, share * w1, share * w2)
+        arrivals += 1
         # The textures' arrays are touched only where there is one: Numba counts references to them.
         surface = material[triangle] if side == FRONT else back[material[triangle]]
         red, green, blue = float(albedo[surface, 0]), float(albedo[surface, 1]), float(albedo[surface, 2])
@@ -166,11 +171,7 @@ def scatter(
         store(directions, alive, ox, oy, oz)
         store(weights, alive, r0 / survival, r1 / survival, r2 / survival)
         alive += 1
-    # In a loop of their own, where the processor waits for many of these places in memory at a time.
-    counts = bin_counts.reshape(-1)
-    for hit in range(hits):
-        counts[landed[hit]] += 1
-    return alive, late
+    return alive, late, arrivals
 
 
 @merged

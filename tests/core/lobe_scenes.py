@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ivg_addon.core.landings import Landings
 from ivg_addon.core.lobe_scattering import scatter_at_lobes
 from ivg_addon.core.scattering import ENERGY_STEPS, scatter
 from ivg_addon.core.scene import NO_TEXTURE, NONE, VIEW_STEPS, Lobes, Scene
@@ -112,13 +113,15 @@ def meet(
     weights = np.broadcast_to(np.asarray(weight, dtype=np.float32), (n, 3)).copy()
     flights = (photons, np.zeros((n, 3), dtype=np.float32), np.array(arrival, dtype=np.float32), weights)
     state = (np.full(n, bounced, dtype=np.int16), np.full(n, dark, dtype=np.float32), np.ones(1, dtype=np.float32))
-    counts, energy = bins.empty_counts(), np.zeros((3, 3), dtype=np.int64)
-    rest = (triangle, u, v, seed, flight, most, Surfaces.of(of, bins), counts, energy, np.empty((n, 2), dtype=np.int32))
-    alive, late = scatter(*flights, *state, *rest)
-    alive = scatter_at_lobes(*flights, *state, *rest, alive, late)
+    landings, energy = Landings(bins), np.zeros((3, 3), dtype=np.int64)
+    landed, brought = np.empty(2 * n, dtype=np.int64), np.empty((2 * n, 3), dtype=np.float32)
+    sums = (1, landed, brought, energy, np.empty((n, 2), dtype=np.int32))
+    rest = (triangle, u, v, seed, flight, most, Surfaces.of(of, bins), *sums)
+    alive, arrivals = scatter_at_lobes(*flights, *state, *rest, *scatter(*flights, *state, *rest))
+    landings.receive(landed[:arrivals], brought[:arrivals])
     p, o, d, w = (each[:alive] for each in flights)
     o, d, w = (each.astype(np.float64) for each in (o, d, w))
-    return Outcome(p, o, d, w, state[0][:alive], energy / (ENERGY_STEPS * n), counts.sum(axis=0) / n)
+    return Outcome(p, o, d, w, state[0][:alive], energy / (ENERGY_STEPS * n), landings.counts.sum(axis=0) / n)
 
 
 def surface(*lobes: Lobes, albedo: ArrayLike = (0.0, 0.0, 0.0), shading: ArrayLike = (0, 0, 1)) -> Scene:

@@ -43,6 +43,7 @@ def walk(of: Scene, settings: BakeSettings) -> Walk:
 def assert_same(a: Walk, b: Walk) -> None:
     np.testing.assert_array_equal(a.tally.sums, b.tally.sums)
     np.testing.assert_array_equal(a.bin_counts, b.bin_counts)
+    np.testing.assert_array_equal(a.received, b.received)
     assert a.rays == b.rays
     for row in ("escaped", "absorbed", "cut"):
         np.testing.assert_array_equal(getattr(a, row), getattr(b, row))

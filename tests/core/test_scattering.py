@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ivg_addon.core.embree import MISS
+from ivg_addon.core.landings import Landings
 from ivg_addon.core.lobe_scattering import scatter_at_lobes
 from ivg_addon.core.scattering import ABSORBED, CUT, ENERGY_STEPS, ESCAPED, scatter
 from ivg_addon.core.scene import Scene
@@ -56,16 +57,19 @@ def meet(of: Scene, directions: Float64, weights: Float64, seed: int = 0, last: 
     bins = SurfaceBins.of(of.geometry, 0.3)
     photons = np.arange(n, dtype=np.int64)
     flights = [np.ascontiguousarray(a, dtype=np.float32) for a in (np.zeros((n, 3)), directions, weights)]
-    counts, energy = bins.empty_counts(), np.zeros((3, 3), dtype=np.int64)
+    landings, energy = Landings(bins), np.zeros((3, 3), dtype=np.int64)
+    landed, brought = np.empty(2 * n, dtype=np.int64), np.empty((2 * n, 3), dtype=np.float32)
     hits = (np.full(n, hit, dtype=np.int32), u, v)
     bounces, dark = np.ones(n, dtype=np.int16), np.zeros(n, dtype=np.float32)
     most, waiting = 1 if last else 2, np.empty((n, 2), dtype=np.int32)
     state = (bounces, dark, np.ones(1, dtype=np.float32))
-    rest = (photons, *flights, *state, *hits, seed, 1, most, Surfaces.of(of, bins), counts, energy, waiting)
-    alive = scatter_at_lobes(*rest, *scatter(*rest))
+    sums = (1, landed, brought, energy, waiting)
+    rest = (photons, *flights, *state, *hits, seed, 1, most, Surfaces.of(of, bins), *sums)
+    alive, arrivals = scatter_at_lobes(*rest, *scatter(*rest))
+    landings.receive(landed[:arrivals], brought[:arrivals])
     assert (bounces[:alive] == 2).all()
     o, d, w = (a[:alive].astype(np.float64) for a in flights)
-    return Outcome(photons[:alive], o, d, w, energy / (ENERGY_STEPS * n), counts)
+    return Outcome(photons[:alive], o, d, w, energy / (ENERGY_STEPS * n), landings.counts)
 
 
 def arriving(n: int, seed: int, side: float = 1.0) -> Float64:
