@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Scene in, grid out: the bake, step by step.
 
-emission → photon walk → tally → vectors per dual cell → lit parts → grid
+emission → photon walk → tally → vectors per dual cell → lit parts → grid → its surfaces
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ from .restricted_light import RestrictedLight
 from .scene import Float32, Int32, Scene
 from .settings import BakeSettings, Estimator, Vec3
 from .surface_bins import PATCHES_PER_VOXEL, PHOTONS_PER_PATCH, SurfaceBins
+from .surface_fit import fit_steps
 from .surfaces import Surfaces
 from .tally import Tally
 from .version import VERSION
@@ -39,6 +40,9 @@ from .version import VERSION
 LEAST_LIT_SHARE = 0.01
 """Below this lit share a vertex is left out: its estimate would be a few photons divided by next
 to nothing, and its neighbours know better."""
+
+_FITTED = 0.95
+"""Of a bake's work is done when the grid is fitted to the surfaces."""
 
 _MOSTLY_LIT = 0.5
 """From this lit share on a cell in which no photon flew is dark; it knows that."""
@@ -127,7 +131,8 @@ def bake_steps(scene: Scene, settings: BakeSettings) -> Generator[Progress, None
     lattice = _lattice(settings)
     course = prepare_course(scene, lattice, settings.photons)
     yield Progress("Compiling for this processor, once after installing", 0.0)
-    _compile_kernels(scene, course, settings)
+    record = _record(scene, settings, course.emission)
+    _compile_kernels(scene, course, settings, record)
     course, aim = yield from part(aim_steps(course, lattice, settings), 0.0, 0.0)
     prepare_seconds = time.perf_counter() - start
 
@@ -141,19 +146,14 @@ def bake_steps(scene: Scene, settings: BakeSettings) -> Generator[Progress, None
         outshone = yield from part(search, photon_share, photon_share)
         which = settings.lit_points, settings.seed, settings.threads
         measuring = lit_part_steps(knowledge, lattice, partitions, outshone, *which)
-        parts = yield from part(measuring, photon_share, 1.0)
+        parts = yield from part(measuring, photon_share, _FITTED)
     else:
         parts = LitParts.whole(lattice)
-    vectors, validity = _normalise(flown.vectors, parts.share)
-    grid = IrradianceVectorGrid(
-        vectors=vectors.astype(np.float32),
-        validity=validity,
-        lit_weights=parts.weights,
-        plane_start=partitions.start,
-        planes=partitions.planes,
-        lattice=lattice,
-        record=_record(scene, settings, course.emission),
-    )
+    grid = _grid(flown.vectors, parts, partitions, lattice, record)
+    if _measures_lit_volume(settings):
+        fitting = fit_steps(grid, knowledge, course.surfaces, walk.received * course.emission.flux_scale)
+        corrected, corrections = yield from part(fitting, _FITTED, 1.0)
+        grid = replace(grid, corrected=corrected, corrections=corrections)
     statistics = _statistics(settings, course.emission, walk)
     return BakeResult(
         grid=grid,
@@ -261,7 +261,7 @@ def light_knowledge(scene: Scene, course: Course, bin_counts: Int32) -> LightKno
     )
 
 
-def _compile_kernels(scene: Scene, course: Course, settings: BakeSettings) -> None:
+def _compile_kernels(scene: Scene, course: Course, settings: BakeSettings, record: BakeRecord) -> None:
     """Run every kernel that the bake needs once, on next to nothing, so that none compiles later.
 
     All but the tally's for divided vertices: most scenes have none.
@@ -273,7 +273,25 @@ def _compile_kernels(scene: Scene, course: Course, settings: BakeSettings) -> No
         knowledge = light_knowledge(scene, course, walk.bin_counts)
         partitions = finish(partition_steps(knowledge, course.walls, lattice, 0, 1))
         outshone = finish(outshone_steps(knowledge, course.walls, lattice, partitions, 0, 1))
-        finish(lit_part_steps(knowledge, lattice, partitions, outshone, 1, 0, 1))
+        parts = finish(lit_part_steps(knowledge, lattice, partitions, outshone, 1, 0, 1))
+        grid = _grid(walk.tally.vectors(1.0), parts, partitions, lattice, record)
+        finish(fit_steps(grid, knowledge, course.surfaces, walk.received))
+
+
+def _grid(
+    means: NDArray[np.float64], parts: LitParts, partitions: Partitions, lattice: Lattice, record: BakeRecord
+) -> IrradianceVectorGrid:
+    """Return the grid of means over whole cells, (…, 6, 3, 3)."""
+    vectors, validity = _normalise(means, parts.share)
+    return IrradianceVectorGrid(
+        vectors=vectors.astype(np.float32),
+        validity=validity,
+        lit_weights=parts.weights,
+        plane_start=partitions.start,
+        planes=partitions.planes,
+        lattice=lattice,
+        record=record,
+    )
 
 
 def _normalise(vectors: np.ndarray, share: Float32) -> tuple[np.ndarray, Float32]:

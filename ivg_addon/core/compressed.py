@@ -43,7 +43,7 @@ Float64 = NDArray[np.float64]
 LARGEST = 2.0**15
 """Of the half floats, so that rounding never ends at infinity."""
 
-_REPLACED = ("vectors", "validity", "lit_weights")
+_REPLACED = ("vectors", "validity", "lit_weights", "corrected", "corrections")
 _CANCELLED = 1e-6
 """Of the longest channel's vector: sums of the channels below have no direction of their own."""
 

@@ -60,11 +60,12 @@ class _InterpolatedVectors(dict[Spatial, NDArray[np.float32]]):
         super().__init__()
         self._arrays = grid.vectors, grid.validity, grid.lit_weights
         self._divided = grid.partitions.divided.reshape(grid.lattice.shape)
+        self._corrections = grid.corrected, grid.corrections
 
     def __missing__(self, spatial: Spatial) -> NDArray[np.float32]:
         from .prefilter import deconvolved
 
-        self[spatial] = deconvolved(*self._arrays, spatial, self._divided)
+        self[spatial] = deconvolved(*self._arrays, spatial, self._divided, self._corrections)
         return self[spatial]
 
 
@@ -89,6 +90,10 @@ class IrradianceVectorGrid:
         Bounds and resolution.
     record
         How the grid came to be.
+    corrected : (k,) int32
+    corrections : (k, 12, 3) float32
+        What is added to the values that look-ups interpolate at these vertices (flat indices, rising), in moments
+        (moments.py): it makes look-ups at surfaces tell what photons brought there.
     """
 
     vectors: NDArray[np.float32]
@@ -98,6 +103,8 @@ class IrradianceVectorGrid:
     planes: NDArray[np.float32]
     lattice: Lattice
     record: BakeRecord = field(compare=False)
+    corrected: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
+    corrections: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 12, 3), dtype=np.float32))
 
     def __post_init__(self) -> None:
         """Check shapes and types."""
@@ -113,6 +120,12 @@ class IrradianceVectorGrid:
                 )
             if array.dtype != dtype:
                 raise SettingsError(f"grid {name}: {array.dtype} instead of {np.dtype(dtype)}")
+        count = len(self.corrected)
+        if self.corrections.shape != (count, 12, 3) or self.corrections.dtype != np.float32:
+            raise SettingsError(f"grid corrections have shape {self.corrections.shape}: {count} vertices have some")
+        rising = self.corrected.dtype == np.int32 and (np.diff(self.corrected) > 0).all()
+        if not rising or (count and not 0 <= self.corrected[0] <= self.corrected[-1] < self.lattice.vertex_count):
+            raise SettingsError("grid corrections name vertices that are not there")
         problem = self.partitions.problem(self.lattice.vertex_count)
         if problem:
             raise SettingsError(f"grid {problem}")

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The grid's file: `.ivg.npz`, described in docs/file-format.md.
 
-A zip archive of numpy arrays without pickles: `vectors`, `validity`, `lit_weights`, `plane_start`, `planes` and
-`header`, a JSON text with the format's name and version, the lattice and the record of the bake. It is written to a
-temporary file beside the target and renamed, so a reader sees a whole file or the previous one.
+A zip archive of numpy arrays without pickles: those of the grid, and `header`, a JSON text with the format's name and
+version, the lattice and the record of the bake. It is written to a temporary file beside the target and renamed, so a
+reader sees a whole file or the previous one.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from . import grid_parts
+from .dual_cells import Lattice
 from .errors import GridFileError
 from .grid import IrradianceVectorGrid
 from .memory import require
@@ -27,7 +28,9 @@ from .partitions import MOST_PLANES
 from .whole_file import replacing
 
 FORMAT = "irradiance-vector-grid"
-VERSION = 3
+VERSION = 4
+_KNOWN = (3, VERSION)
+"""Version 3 has no corrections; a grid without any is written as such, so that older programs read it."""
 SUFFIX = ".ivg.npz"
 
 MOST_HEADER_BYTES = 1 << 20
@@ -41,7 +44,9 @@ DAMAGE = (
 
 def save(grid: IrradianceVectorGrid, path: Path) -> None:
     """Write a grid, whole or not at all; raises `GridFileError` that names the file."""
-    header = {"format": FORMAT, "version": VERSION, **grid_parts.header(grid.lattice, grid.record)}
+    header = {"format": FORMAT, "version": _KNOWN[0], **grid_parts.header(grid.lattice, grid.record)}
+    if len(grid.corrected):
+        header |= {"version": VERSION, "corrected": len(grid.corrected)}
     arrays: dict[str, Any] = {"header": np.array(json.dumps(header)), **grid_parts.arrays(grid)}
     with replacing(path) as stream:
         np.savez(stream, **arrays)
@@ -63,6 +68,10 @@ def load(path: Path) -> IrradianceVectorGrid:
             arrays = {name: _read_array(archive, name, *form, path) for name, form in expected.items()}
             count = min(max(int(arrays["plane_start"][-1]), 0), MOST_PLANES * lattice.vertex_count)
             arrays["planes"] = _read_array(archive, "planes", (count, 5), np.float32, path)
+            if header["version"] == VERSION:
+                count = _corrected(header, lattice, path)
+                arrays["corrected"] = _read_array(archive, "corrected", (count,), np.int32, path)
+                arrays["corrections"] = _read_array(archive, "corrections", (count, 12, 3), np.float32, path)
     except FileNotFoundError as error:
         raise GridFileError(f"{path} does not exist: bake it first, or name another") from error
     except DAMAGE as error:
@@ -95,13 +104,21 @@ def _read_header(archive: zipfile.ZipFile, path: Path) -> dict[str, Any]:
         raise GridFileError(f"{path} is a '{name}' file: expected '{FORMAT}'")
     if not isinstance(version, int) or version < 1:
         raise GridFileError(f"{path} has no valid version number ({version!r}): bake it again")
-    if version < VERSION:
-        raise GridFileError(f"{path} has format version {version}, this program reads {VERSION}: bake it again")
+    if version < _KNOWN[0]:
+        raise GridFileError(f"{path} has format version {version}, this program reads {_KNOWN[0]} on: bake it again")
     if version > VERSION:
         raise GridFileError(
             f"{path} has format version {version}, this program reads {VERSION}: update Irradiance Vector Grid"
         )
     return dict(header)
+
+
+def _corrected(header: dict[str, Any], lattice: Lattice, path: Path) -> int:
+    """Return how many vertices have corrections."""
+    count = header.get("corrected")
+    if not isinstance(count, int) or not 0 < count <= lattice.vertex_count:
+        raise GridFileError(f"{path} has a damaged header ({count!r} corrected vertices): bake it again")
+    return count
 
 
 def _read_array(

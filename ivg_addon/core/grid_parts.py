@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .checksum import checksum
+from .checksum import checksum, checksum_of
 from .dual_cells import Lattice
 from .errors import GridFileError, SettingsError
 from .grid import BakeRecord, IrradianceVectorGrid
@@ -22,10 +22,15 @@ from .settings import BakeSettings, Estimator, Vec3
 
 Arrays = Mapping[str, NDArray[Any]]
 
+OPTIONAL = ("corrected", "corrections")
+"""Arrays that grids of older versions have not: without any corrections a grid is as it was for them."""
+
 
 def digest(grid: IrradianceVectorGrid) -> str:
     """Return 32 hexadecimal digits of all that a grid is: its numbers, its lattice and its record."""
-    return checksum(grid)
+    if len(grid.corrected):
+        return checksum(grid)
+    return checksum_of(grid, [item.name for item in dataclasses.fields(grid) if item.name not in OPTIONAL])
 
 
 def header(lattice: Lattice, record: BakeRecord) -> dict[str, Any]:
@@ -60,7 +65,8 @@ def parse_header(content: Mapping[str, Any], source: str) -> tuple[Lattice, Bake
 def arrays(grid: IrradianceVectorGrid) -> dict[str, NDArray[Any]]:
     """Return the arrays of a grid by name, those that it has."""
     values = {item.name: getattr(grid, item.name) for item in dataclasses.fields(grid)}
-    return {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
+    absent = () if len(grid.corrected) else OPTIONAL
+    return {name: value for name, value in values.items() if isinstance(value, np.ndarray) and name not in absent}
 
 
 def assemble(lattice: Lattice, record: BakeRecord, parts: Arrays, source: str) -> IrradianceVectorGrid:

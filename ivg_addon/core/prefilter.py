@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .compiled import kernel
+from .moments import vectors
 from .settings import Spatial
 
 STEPS = 2
@@ -82,6 +83,7 @@ def deconvolved(
     lit_weights: NDArray[np.float16],
     spatial: Spatial,
     divided: NDArray[np.bool_] | None = None,
+    corrections: tuple[NDArray[np.int32], Float32] | None = None,
 ) -> Float32:
     """Return values whose interpolant has, nearly, the given means over the lit parts of the dual cells.
 
@@ -96,6 +98,8 @@ def deconvolved(
         The interpolation that follows.
     divided : (Ni+1, Nj+1, Nk+1) bool, optional
         Vertices that speak for one side of a thin wall: beside them the interpolation is trilinear in any case.
+    corrections : (k,) int32, (k, 12, 3) float32, optional
+        What is added to the values that trilinear look-ups interpolate, in moments, at k vertices (surface_fit.py).
     """
     counts = np.array(validity.shape)
     m = means.reshape(*validity.shape, 54)
@@ -109,6 +113,10 @@ def deconvolved(
 
             list(pool.map(plane, range(counts[0])))
             values = result
+    if corrections is not None and len(corrections[0]):
+        added = vectors(corrections[1]).reshape(-1, 54).astype(np.float32)
+        values = values.copy()
+        values.reshape(-1, 54)[corrections[0]] += added
     if spatial is Spatial.TRICUBIC:
         values = _without_second_differences(values, validity, divided)
     return values.reshape(means.shape)

@@ -40,4 +40,6 @@ def assert_same(a: IrradianceVectorGrid, b: IrradianceVectorGrid) -> None:
     assert a.lit_weights.tobytes() == b.lit_weights.tobytes()
     assert a.plane_start.tobytes() == b.plane_start.tobytes()
     assert a.planes.tobytes() == b.planes.tobytes()
+    assert a.corrected.tobytes() == b.corrected.tobytes()
+    assert a.corrections.tobytes() == b.corrections.tobytes()
     assert (a.lattice, a.record) == (b.lattice, b.record)

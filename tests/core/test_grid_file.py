@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from ivg_addon.core.partitions import MOST_PLANES, Partitions
 from ivg_addon.core.settings import BakeSettings, Estimator
 
 from .grid_files import SMALL, assert_same, one_temporary_folder
-from .grids import record
+from .grids import grid, record
 
 finite = st.floats(allow_nan=False, allow_infinity=False, width=32)
 bounds = st.tuples(*[st.tuples(st.floats(-1e6, 1e6), st.floats(1e-3, 1e6)).map(lambda x: (x[0], x[0] + x[1]))] * 3)
@@ -52,6 +53,7 @@ def any_grid(draw: st.DrawFn) -> IrradianceVectorGrid:
     )
     made = record(lattice, scene=draw(st.text()))
     sides = draw(any_partitions(lattice.vertex_count))
+    corrected = np.array(sorted(draw(st.sets(st.integers(0, lattice.vertex_count - 1), max_size=3))), dtype=np.int32)
     return IrradianceVectorGrid(
         vectors=draw(arrays(np.float32, (*lattice.shape, 6, 3, 3), elements=finite)),
         validity=draw(arrays(np.float32, lattice.shape, elements=st.floats(0, 1, width=32))),
@@ -60,6 +62,8 @@ def any_grid(draw: st.DrawFn) -> IrradianceVectorGrid:
         planes=sides.planes,
         lattice=lattice,
         record=replace(made, settings=baked, emitted=draw(st.tuples(*[st.floats(0, 1e30)] * 3))),
+        corrected=corrected,
+        corrections=draw(arrays(np.float32, (len(corrected), 12, 3), elements=finite)),
     )
 
 
@@ -68,6 +72,20 @@ def any_grid(draw: st.DrawFn) -> IrradianceVectorGrid:
 def test_round_trip_to_the_bit(path: Path, original: IrradianceVectorGrid) -> None:
     original.save(path)
     assert_same(IrradianceVectorGrid.load(path), original)
+
+
+def test_without_corrections_it_is_a_file_of_the_version_before(tmp_path: Path) -> None:
+    """Which older programs read."""
+    path = tmp_path / "plain.ivg.npz"
+    plain = grid(np.ones((6, 3, 3)), lattice=SMALL)
+    plain.save(path)
+    with np.load(path) as stored:
+        assert json.loads(str(stored["header"]))["version"] == 3
+        assert sorted(stored) == ["header", "lit_weights", "plane_start", "planes", "validity", "vectors"]
+    corrected = replace(plain, corrected=np.array([1], np.int32), corrections=np.ones((1, 12, 3), np.float32))
+    corrected.save(path)
+    with np.load(path) as stored:
+        assert json.loads(str(stored["header"]))["version"] == 4
 
 
 def test_what_comes_back_has_the_types_that_went_in(saved: Path) -> None:

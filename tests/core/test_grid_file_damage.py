@@ -109,8 +109,8 @@ def with_header(saved: Path, change: Callable[[dict[str, Any]], object]) -> Path
     ("change", "words"),
     [
         (lambda h: h.update(format="photo"), ["'photo' file", "expected 'irradiance-vector-grid'"]),
-        (lambda h: h.update(version=grid_file.VERSION + 1), ["format version 4", "update Irradiance Vector Grid"]),
-        (lambda h: h.update(version=1), ["format version 1, this program reads 3: bake it again"]),
+        (lambda h: h.update(version=grid_file.VERSION + 1), ["format version 5", "update Irradiance Vector Grid"]),
+        (lambda h: h.update(version=1), ["format version 1, this program reads 3 on: bake it again"]),
         (lambda h: h.update(version=0), ["no valid version"]),
         (lambda h: h.update(version="1"), ["no valid version"]),
         (lambda h: h.pop("version"), ["unreadable header"]),

@@ -1,0 +1,216 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The irradiance of surfaces, as the photons that landed there tell it.
+
+Flux over area is irradiance, without any grid. Patches that lie together and face alike make one sample. Left out is
+what would tell a wrong irradiance, or one that no look-up can tell apart:
+
+* patches that other geometry reaches into: the light falls on a part of them only, who knows how much;
+* patches that got none although chance would have brought some: something lies on them;
+* samples that face another surface within a quarter of a voxel: gaps, the backs of what hangs on a wall;
+* sides of surfaces that reflect nothing diffusely, or that diffuse rays do not see: nobody asks for their irradiance.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .dual_cells import Lattice
+from .embree import MISS
+from .lit_volume import LightKnowledge
+from .lobes import KIND
+from .scene import MATTE, NO_TEXTURE, SHEEN, TRANSLUCENT, Float32
+from .surface_bins import FRONT
+from .surface_patches import Patches, spokes
+from .surfaces import Surfaces
+
+Float64 = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+SPAN = 0.125
+"""Voxels along each axis within which patches make one sample."""
+REACH = 0.25
+"""Voxels that must be free before a sample."""
+_NORMAL_STEPS = 8.0
+"""Samples are made of what faces alike within a sixteenth of the unit sphere's radius, along each axis."""
+_LIFT = 1e-4
+"""Voxels above the surface where rays start."""
+_SMALL = 1.0 / 16.0
+"""Voxels: what reaches into patches below this size takes too little of their area to be looked for."""
+_BY_CHANCE = 3.0
+"""Photons: where fewer are expected, none may be chance (with a probability of 5 % or more)."""
+_BATCH = 1 << 16
+
+
+@dataclass(frozen=True)
+class SurfaceSamples:
+    """Irradiance at n places on surfaces.
+
+    Parameters
+    ----------
+    points, normals : (n, 3) float64
+        Metres; unit, on the side that the light arrives at.
+    area : (n,) float64
+        m².
+    irradiance : (n, 3) float64
+        W/m².
+    """
+
+    points: Float64
+    normals: Float64
+    area: Float64
+    irradiance: Float64
+
+
+@dataclass(frozen=True)
+class _Sides:
+    """Sides of n patches: the patch, its centre, the side's normal, its area, the watts and photons it received."""
+
+    patch: NDArray[np.int64]
+    centre: Float32
+    normal: Float32
+    area: Float64
+    flux: Float64
+    photons: NDArray[np.int64]
+
+    def only(self, keep: Mask) -> _Sides:
+        """Return some of them."""
+        return _Sides(*(getattr(self, item.name)[keep] for item in fields(self)))
+
+
+def surface_samples(
+    knowledge: LightKnowledge,
+    surfaces: Surfaces,
+    received: Float64,
+    lattice: Lattice,
+    expected: Callable[[Float64, Float64], NDArray[np.floating]],
+) -> SurfaceSamples:
+    """Gather the samples within a grid's box.
+
+    Parameters
+    ----------
+    received : (patches, 2, 3)
+        Watts of the grid's light that arrived at each side of each patch.
+    expected
+        Irradiance (n, 3) that one would expect at points with normals, roughly.
+    """
+    patches = Patches.of(knowledge.geometry, knowledge.bins)
+    sides = _asked(knowledge, surfaces, received, patches, lattice)
+    sides = sides.only(_unobstructed(knowledge, lattice, patches, sides))
+    group = _together(sides, lattice)
+    density = np.bincount(group, sides.photons) / np.bincount(group, sides.area)
+    # None where others of the sample got many: something lies there.
+    uncovered = (sides.photons > 0) | (density[group] * sides.area < _BY_CHANCE)
+    samples, photons = _merged(sides.only(uncovered), np.unique(group[uncovered], return_inverse=True)[1])
+    good = _free_before(knowledge, lattice, samples)
+    # Nor was a whole sample left dark by chance where the light around would have brought many, or where no light is.
+    dark = np.flatnonzero(good & (photons == 0))
+    points, normals = samples.points[dark], samples.normals[dark]
+    watts = float(received.mean(axis=2).sum()) / max(1, int(knowledge.bin_counts.sum()))
+    few = expected(points, normals).mean(axis=1) * samples.area[dark] < _BY_CHANCE * watts
+    good[dark] = few & knowledge.lit(_lifted(points, normals, lattice), dark.astype(np.int64), 0)
+    return SurfaceSamples(*(getattr(samples, item.name)[good] for item in fields(samples)))
+
+
+def _asked(
+    knowledge: LightKnowledge, surfaces: Surfaces, received: Float64, patches: Patches, lattice: Lattice
+) -> _Sides:
+    """Return the sides in the box whose irradiance shades something, but those that are dark while the other is lit."""
+    inside = ((patches.centre >= lattice.bounds_min) & (patches.centre <= lattice.bounds_max)).all(axis=1)
+    inside &= patches.area > 0.0
+    found = []
+    for side in range(2):
+        shades = surfaces.reflects & _is_diffuse(surfaces, side)[surfaces.material]
+        here, beyond = knowledge.bin_counts[:, side], knowledge.bin_counts[:, 1 - side]
+        is_dark = (here <= knowledge.least_share * beyond) & (beyond > 0)
+        patch = np.flatnonzero(inside & shades[patches.triangle] & ~is_dark)
+        found.append(
+            _Sides(
+                patch,
+                patches.centre[patch],
+                surfaces.planes[patches.triangle[patch], :3] * np.float32(1 - 2 * side),
+                patches.area[patch].astype(np.float64),
+                received[patch, side],
+                here[patch].astype(np.int64),
+            )
+        )
+    return _Sides(*(np.concatenate([getattr(each, item.name) for each in found]) for item in fields(_Sides)))
+
+
+def _is_diffuse(surfaces: Surfaces, side: int) -> Mask:
+    """Tell which materials, (m,), reflect light diffusely that arrives at a side, or let it through so."""
+    lobes = surfaces.lobes
+    of_lobe = np.repeat(np.arange(len(surfaces.back)), np.diff(lobes.first))
+    spreads = of_lobe[np.isin(lobes.codes[:, KIND], (MATTE, SHEEN, TRANSLUCENT))]
+    own = (surfaces.albedo > 0.0).any(axis=1) | (surfaces.texture != NO_TEXTURE)
+    own[spreads] = True
+    return np.asarray(own if side == FRONT else own[surfaces.back])
+
+
+def _unobstructed(knowledge: LightKnowledge, lattice: Lattice, patches: Patches, sides: _Sides) -> Mask:
+    """Tell which patches nothing reaches into: what is seen from their centres along the surface, up to the corners."""
+    geometry, bins = knowledge.geometry, knowledge.bins
+    open_ = np.ones(len(sides.patch), dtype=np.bool_)
+    origins = _lifted(sides.centre, sides.normal, lattice)
+    small = _SMALL * float(lattice.voxel_size.min())
+
+    def look(part: slice) -> None:
+        patch = sides.patch[part]
+        ends = np.empty((len(patch), 3), dtype=np.float32)
+        for which in range(4):
+            triangle = patches.triangle[patch]
+            spokes(geometry.vertices, geometry.triangles, bins.divisions, bins.offset, patch, triangle, which, ends)
+            along = ends - sides.centre[part]
+            # A twentieth of the way is left to the neighbours that rise at the edge.
+            long = np.flatnonzero((along**2).sum(axis=1) > small * small)
+            hits = knowledge.tracer.intersect(origins[part][long], 0.95 * along[long])
+            open_[part.start + long[(hits.triangle != MISS) & (hits.distance <= 1.0)]] = False
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        list(pool.map(look, (slice(at, at + _BATCH) for at in range(0, len(open_), _BATCH))))
+    return open_
+
+
+def _together(sides: _Sides, lattice: Lattice) -> NDArray[np.int64]:
+    """Return to which sample each side belongs: by its place and the way it faces."""
+    place = np.floor((sides.centre - lattice.bounds_min) / (SPAN * lattice.voxel_size)).astype(np.int64)
+    facing = np.rint((sides.normal + 1.0) * _NORMAL_STEPS).astype(np.int64)
+    key = np.zeros(len(place), dtype=np.int64)
+    for column in (*place.T, *facing.T):
+        key = key * (column.max(initial=0) + 1) + column
+    return np.unique(key, return_inverse=True)[1]
+
+
+def _merged(sides: _Sides, group: NDArray[np.int64]) -> tuple[SurfaceSamples, NDArray[np.int64]]:
+    """Return the samples that sides belong to, and how many photons each got."""
+    area: Float64 = np.bincount(group, sides.area).astype(np.float64)
+
+    def mean(values: NDArray[np.floating]) -> Float64:
+        return np.stack([np.bincount(group, column) for column in values.T], axis=1) / area[:, None]
+
+    facing = mean(sides.area[:, None] * sides.normal)
+    samples = SurfaceSamples(
+        points=mean(sides.area[:, None] * sides.centre),
+        normals=facing / np.linalg.norm(facing, axis=1, keepdims=True),
+        area=area,
+        irradiance=mean(sides.flux),
+    )
+    return samples, np.bincount(group, sides.photons).astype(np.int64)
+
+
+def _free_before(knowledge: LightKnowledge, lattice: Lattice, samples: SurfaceSamples) -> Mask:
+    """Tell which samples face nothing within `REACH`."""
+    origins = _lifted(samples.points, samples.normals, lattice)
+    way = (REACH * lattice.voxel_size * samples.normals).astype(np.float32)
+    hits = knowledge.tracer.intersect(origins, way)
+    return np.asarray((hits.triangle == MISS) | (hits.distance > 1.0))
+
+
+def _lifted(points: NDArray[np.floating], normals: NDArray[np.floating], lattice: Lattice) -> Float32:
+    """Return points a hair above their surfaces, (n, 3)."""
+    return (points + _LIFT * float(lattice.voxel_size.min()) * normals).astype(np.float32)
