@@ -26,7 +26,7 @@ from ivg_addon.blender.blend_file import open_blend
 from ivg_addon.blender.properties import ensure_registered
 
 CORNELL = Path(__file__).resolve().parents[1] / "sample_blend" / "cornell.blend"
-PHASES = ("Compiling", "Tracing", "Measuring")
+PHASES = ("Compiling", "Tracing", "Measuring", "Fitting")
 """How the tasks of a bake begin that take long."""
 TICK_SECONDS, SLICE_SECONDS = 0.05, 0.02
 MOST_SECONDS_INTO_PHASE = 1.0

@@ -23,10 +23,10 @@ from numpy.typing import NDArray
 from .grid import IrradianceVectorGrid
 from .lit_volume import LightKnowledge
 from .moments import moments
-from .progress import Progress
+from .progress import Progress, part
 from .readings import MOMENTS, Readings, moment_coefficients
 from .settings import Spatial
-from .surface_samples import SurfaceSamples, surface_samples
+from .surface_samples import TASK, SurfaceSamples, surface_sample_steps
 from .surfaces import Surfaces
 
 Float64 = NDArray[np.float64]
@@ -38,11 +38,10 @@ STEPS = 30
 _SETTLED = 1e-3
 """Of the first residual's norm."""
 _NORMALS = 4096
-_TASK = "Fitting to the surfaces"
 
 
 def fit_steps(
-    grid: IrradianceVectorGrid, knowledge: LightKnowledge, surfaces: Surfaces, received: Float64
+    grid: IrradianceVectorGrid, knowledge: LightKnowledge, surfaces: Surfaces, received: Float64, threads: int
 ) -> Generator[Progress, None, tuple[NDArray[np.int32], NDArray[np.float32]]]:
     """Fit a grid to the light that its surfaces received; yields as it goes.
 
@@ -50,6 +49,8 @@ def fit_steps(
     ----------
     received : (patches, 2, 3)
         Watts of the grid's light that arrived at each side of each patch.
+    threads
+        0 for one per processor.
 
     Returns
     -------
@@ -58,16 +59,15 @@ def fit_steps(
     corrections : (k, 12, 3) float32
         δ, in moments.
     """
-    yield Progress(_TASK, 0.0)
-    samples = surface_samples(knowledge.of_bright_places(), surfaces, received, grid.lattice, grid.irradiance)
-    yield Progress(_TASK, 0.3)
+    asked = knowledge.of_bright_places(), surfaces, received, grid.lattice, grid.irradiance
+    samples = yield from part(surface_sample_steps(*asked, threads), 0.0, 0.3)
     basis = even_basis()
     readings, vertices = Readings.of(grid, samples.points, samples.normals, basis).compact()
     change = np.zeros((len(vertices), MOMENTS, 3))
     for step, current in enumerate(_solve(grid, readings, vertices, samples, basis)):
         change = current
-        yield Progress(_TASK, 0.4 + 0.6 * step / STEPS)
-    yield Progress(_TASK, 1.0)
+        yield Progress(TASK, 0.4 + 0.6 * step / STEPS)
+    yield Progress(TASK, 1.0)
     corrections = np.einsum("mk,vkc->vmc", basis, change).astype(np.float32)
     changed = corrections.any(axis=(1, 2))
     return vertices[changed].astype(np.int32), corrections[changed]

@@ -12,9 +12,7 @@ what would tell a wrong irradiance, or one that no look-up can tell apart:
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Generator
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -24,7 +22,9 @@ from .dual_cells import Lattice
 from .embree import MISS
 from .lit_volume import LightKnowledge
 from .lobes import KIND
+from .progress import Progress, part
 from .scene import MATTE, NO_TEXTURE, SHEEN, TRANSLUCENT, Float32
+from .side_by_side import side_by_side_steps
 from .surface_bins import FRONT
 from .surface_patches import Patches, spokes
 from .surfaces import Surfaces
@@ -44,7 +44,8 @@ _SMALL = 1.0 / 16.0
 """Voxels: what reaches into patches below this size takes too little of their area to be looked for."""
 _BY_CHANCE = 3.0
 """Photons: where fewer are expected, none may be chance (with a probability of 5 % or more)."""
-_BATCH = 1 << 16
+_BATCH = 1 << 14
+TASK = "Fitting to the surfaces"
 
 
 @dataclass(frozen=True)
@@ -83,14 +84,15 @@ class _Sides:
         return _Sides(*(getattr(self, item.name)[keep] for item in fields(self)))
 
 
-def surface_samples(
+def surface_sample_steps(
     knowledge: LightKnowledge,
     surfaces: Surfaces,
     received: Float64,
     lattice: Lattice,
     expected: Callable[[Float64, Float64], NDArray[np.floating]],
-) -> SurfaceSamples:
-    """Gather the samples within a grid's box.
+    threads: int,
+) -> Generator[Progress, None, SurfaceSamples]:
+    """Gather the samples within a grid's box; yields as it goes.
 
     Parameters
     ----------
@@ -98,10 +100,13 @@ def surface_samples(
         Watts of the grid's light that arrived at each side of each patch.
     expected
         Irradiance (n, 3) that one would expect at points with normals, roughly.
+    threads
+        0 for one per processor.
     """
     patches = Patches.of(knowledge.geometry, knowledge.bins)
     sides = _asked(knowledge, surfaces, received, patches, lattice)
-    sides = sides.only(_unobstructed(knowledge, lattice, patches, sides))
+    yield Progress(TASK, 0.2)
+    sides = sides.only((yield from part(_unobstructed_steps(knowledge, lattice, patches, sides, threads), 0.2, 0.9)))
     group = _together(sides, lattice)
     density = np.bincount(group, sides.photons) / np.bincount(group, sides.area)
     # None where others of the sample got many: something lies there.
@@ -114,6 +119,7 @@ def surface_samples(
     watts = float(received.mean(axis=2).sum()) / max(1, int(knowledge.bin_counts.sum()))
     few = expected(points, normals).mean(axis=1) * samples.area[dark] < _BY_CHANCE * watts
     good[dark] = few & knowledge.lit(_lifted(points, normals, lattice), dark.astype(np.int64), 0)
+    yield Progress(TASK, 1.0)
     return SurfaceSamples(*(getattr(samples, item.name)[good] for item in fields(samples)))
 
 
@@ -152,28 +158,29 @@ def _is_diffuse(surfaces: Surfaces, side: int) -> Mask:
     return np.asarray(own if side == FRONT else own[surfaces.back])
 
 
-def _unobstructed(knowledge: LightKnowledge, lattice: Lattice, patches: Patches, sides: _Sides) -> Mask:
+def _unobstructed_steps(
+    knowledge: LightKnowledge, lattice: Lattice, patches: Patches, sides: _Sides, threads: int
+) -> Generator[Progress, None, Mask]:
     """Tell which patches nothing reaches into: what is seen from their centres along the surface, up to the corners."""
     geometry, bins = knowledge.geometry, knowledge.bins
-    open_ = np.ones(len(sides.patch), dtype=np.bool_)
-    origins = _lifted(sides.centre, sides.normal, lattice)
     small = _SMALL * float(lattice.voxel_size.min())
 
-    def look(part: slice) -> None:
-        patch = sides.patch[part]
+    def look(piece: slice) -> Mask:
+        patch, centre = sides.patch[piece], sides.centre[piece]
+        triangle, origins = patches.triangle[patch], _lifted(centre, sides.normal[piece], lattice)
+        clear = np.ones(len(patch), dtype=np.bool_)
         ends = np.empty((len(patch), 3), dtype=np.float32)
         for which in range(4):
-            triangle = patches.triangle[patch]
             spokes(geometry.vertices, geometry.triangles, bins.divisions, bins.offset, patch, triangle, which, ends)
-            along = ends - sides.centre[part]
-            # A twentieth of the way is left to the neighbours that rise at the edge.
+            along = ends - centre
             long = np.flatnonzero((along**2).sum(axis=1) > small * small)
-            hits = knowledge.tracer.intersect(origins[part][long], 0.95 * along[long])
-            open_[part.start + long[(hits.triangle != MISS) & (hits.distance <= 1.0)]] = False
+            # A twentieth of the way is left to neighbours that rise at the edge.
+            hits = knowledge.tracer.intersect(origins[long], 0.95 * along[long])
+            clear[long[(hits.triangle != MISS) & (hits.distance <= 1.0)]] = False
+        return clear
 
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        list(pool.map(look, (slice(at, at + _BATCH) for at in range(0, len(open_), _BATCH))))
-    return open_
+    pieces = [slice(at, at + _BATCH) for at in range(0, max(1, len(sides.patch)), _BATCH)]
+    return np.concatenate((yield from side_by_side_steps(look, pieces, TASK, threads)))
 
 
 def _together(sides: _Sides, lattice: Lattice) -> NDArray[np.int64]:

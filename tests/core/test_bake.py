@@ -128,7 +128,12 @@ def test_progress_grows_and_names_the_phases() -> None:
     assert fractions[-1] == 1.0
     phases = list(dict.fromkeys(progress.task.split(" (")[0] for progress in told))
     assert phases[0] == "Preparing the scene"
-    assert phases[-3:] == ["Tracing photons", "Looking for thin walls", "Measuring lit volumes"]
+    assert phases[2:] == [
+        "Tracing photons",
+        "Looking for thin walls",
+        "Measuring lit volumes",
+        "Fitting to the surfaces",
+    ]
 
 
 def test_closing_at_any_step_leaves_no_threads() -> None:

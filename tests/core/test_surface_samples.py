@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from ivg_addon.core.dual_cells import Lattice
 from ivg_addon.core.embree import Tracer
 from ivg_addon.core.lit_volume import LightKnowledge
+from ivg_addon.core.progress import finish
 from ivg_addon.core.scene import GLASS, Scene
 from ivg_addon.core.surface_bins import BACK, FRONT, SurfaceBins
 from ivg_addon.core.surface_patches import Patches
-from ivg_addon.core.surface_samples import REACH, SurfaceSamples, surface_samples
+from ivg_addon.core.surface_samples import REACH, SurfaceSamples, surface_sample_steps
 from ivg_addon.core.surfaces import Surfaces
 
 from .lobe_scenes import lobe, with_lobes
@@ -66,7 +67,7 @@ def samples(of: Scene, front: Share, back: Share | None = None, seed: int | None
     def light(points: Float64, normals: Float64) -> Float64:
         return np.broadcast_to(LIGHT, points.shape)
 
-    return surface_samples(knowledge, Surfaces.of(of, bins), received, LATTICE, light)
+    return finish(surface_sample_steps(knowledge, Surfaces.of(of, bins), received, LATTICE, light, 2))
 
 
 def everywhere(places: Float64, normals: Float64) -> NDArray[np.bool_]:
