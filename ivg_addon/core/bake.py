@@ -151,7 +151,7 @@ def bake_steps(scene: Scene, settings: BakeSettings) -> Generator[Progress, None
         parts = LitParts.whole(lattice)
     grid = _grid(flown.vectors, parts, partitions, lattice, record)
     if _measures_lit_volume(settings):
-        watts = walk.received * course.emission.flux_scale
+        watts = walk.received * np.float32(course.emission.flux_scale)
         fitting = fit_steps(grid, knowledge, course.surfaces, watts, settings.threads)
         corrected, corrections = yield from part(fitting, _FITTED, 1.0)
         grid = replace(grid, corrected=corrected, corrections=corrections)

@@ -33,9 +33,9 @@ class Landings:
         return self._sums[..., 0].astype(np.int32)
 
     @property
-    def weights(self) -> NDArray[np.float64]:
+    def weights(self) -> Float32:
         """Return how much weight of the grid's light arrived there, (patches, 2, 3)."""
-        return self._sums[..., 1:] / ENERGY_STEPS
+        return np.divide(self._sums[..., 1:], ENERGY_STEPS, dtype=np.float32, casting="same_kind")
 
     def receive(self, places: NDArray[np.int64], weights: Float32) -> None:
         """Add n photons: 2 · patch + side, (n,), and what of their weight counts, (n, 3)."""

@@ -49,7 +49,7 @@ class Walk:
         Sums of the irradiance vectors.
     bin_counts : (patches, 2) int32
         Photons received by each side of each patch of surface.
-    received : (patches, 2, 3) float64
+    received : (patches, 2, 3) float32
         Share of the emitted photons' weight that arrived there as light that the grid counts; multiply by
         `Emission.flux_scale` for watts.
     rays
@@ -63,7 +63,7 @@ class Walk:
 
     tally: Tally
     bin_counts: Int32
-    received: NDArray[np.float64]
+    received: Float32
     rays: int
     escaped: NDArray[np.float64]
     absorbed: NDArray[np.float64]
@@ -335,7 +335,7 @@ class Walkers:
         return Walk(
             tally=tally,
             bin_counts=self._landings.counts,
-            received=self._landings.weights / self._photons,
+            received=self._landings.weights / np.float32(self._photons),
             rays=sum(worker.rays for worker in self._workers),
             escaped=share[ESCAPED],
             absorbed=share[ABSORBED],

@@ -25,6 +25,7 @@ from .lit_volume import LightKnowledge
 from .moments import moments
 from .progress import Progress, part
 from .readings import MOMENTS, Readings, moment_coefficients
+from .scene import Float32
 from .settings import Spatial
 from .surface_samples import TASK, SurfaceSamples, surface_sample_steps
 from .surfaces import Surfaces
@@ -41,13 +42,13 @@ _NORMALS = 4096
 
 
 def fit_steps(
-    grid: IrradianceVectorGrid, knowledge: LightKnowledge, surfaces: Surfaces, received: Float64, threads: int
+    grid: IrradianceVectorGrid, knowledge: LightKnowledge, surfaces: Surfaces, received: Float32, threads: int
 ) -> Generator[Progress, None, tuple[NDArray[np.int32], NDArray[np.float32]]]:
     """Fit a grid to the light that its surfaces received; yields as it goes.
 
     Parameters
     ----------
-    received : (patches, 2, 3)
+    received : (patches, 2, 3) float32
         Watts of the grid's light that arrived at each side of each patch.
     threads
         0 for one per processor.

@@ -23,7 +23,7 @@ from .embree import MISS
 from .lit_volume import LightKnowledge
 from .lobes import KIND
 from .progress import Progress, part
-from .scene import MATTE, NO_TEXTURE, SHEEN, TRANSLUCENT, Float32
+from .scene import MATTE, NO_TEXTURE, SHEEN, TRANSLUCENT, Float32, Int32
 from .side_by_side import side_by_side_steps
 from .surface_bins import FRONT
 from .surface_patches import Patches, spokes
@@ -75,9 +75,9 @@ class _Sides:
     patch: NDArray[np.int64]
     centre: Float32
     normal: Float32
-    area: Float64
-    flux: Float64
-    photons: NDArray[np.int64]
+    area: Float32
+    flux: Float32
+    photons: Int32
 
     def only(self, keep: Mask) -> _Sides:
         """Return some of them."""
@@ -87,7 +87,7 @@ class _Sides:
 def surface_sample_steps(
     knowledge: LightKnowledge,
     surfaces: Surfaces,
-    received: Float64,
+    received: Float32,
     lattice: Lattice,
     expected: Callable[[Float64, Float64], NDArray[np.floating]],
     threads: int,
@@ -96,7 +96,7 @@ def surface_sample_steps(
 
     Parameters
     ----------
-    received : (patches, 2, 3)
+    received : (patches, 2, 3) float32
         Watts of the grid's light that arrived at each side of each patch.
     expected
         Irradiance (n, 3) that one would expect at points with normals, roughly.
@@ -116,7 +116,7 @@ def surface_sample_steps(
     # Nor was a whole sample left dark by chance where the light around would have brought many, or where no light is.
     dark = np.flatnonzero(good & (photons == 0))
     points, normals = samples.points[dark], samples.normals[dark]
-    watts = float(received.mean(axis=2).sum()) / max(1, int(knowledge.bin_counts.sum()))
+    watts = float(received.sum(dtype=np.float64)) / 3.0 / max(1, int(knowledge.bin_counts.sum()))
     few = expected(points, normals).mean(axis=1) * samples.area[dark] < _BY_CHANCE * watts
     good[dark] = few & knowledge.lit(_lifted(points, normals, lattice), dark.astype(np.int64), 0)
     yield Progress(TASK, 1.0)
@@ -124,11 +124,13 @@ def surface_sample_steps(
 
 
 def _asked(
-    knowledge: LightKnowledge, surfaces: Surfaces, received: Float64, patches: Patches, lattice: Lattice
+    knowledge: LightKnowledge, surfaces: Surfaces, received: Float32, patches: Patches, lattice: Lattice
 ) -> _Sides:
     """Return the sides in the box whose irradiance shades something, but those that are dark while the other is lit."""
     inside = ((patches.centre >= lattice.bounds_min) & (patches.centre <= lattice.bounds_max)).all(axis=1)
-    inside &= patches.area > 0.0
+    # Triangles without area have no normal.
+    has_normal = (surfaces.planes[:, :3] ** 2).sum(axis=1) > 0.5
+    inside &= (patches.area > 0.0) & has_normal[patches.triangle]
     found = []
     for side in range(2):
         shades = surfaces.reflects & _is_diffuse(surfaces, side)[surfaces.material]
@@ -140,9 +142,9 @@ def _asked(
                 patch,
                 patches.centre[patch],
                 surfaces.planes[patches.triangle[patch], :3] * np.float32(1 - 2 * side),
-                patches.area[patch].astype(np.float64),
+                patches.area[patch],
                 received[patch, side],
-                here[patch].astype(np.int64),
+                here[patch],
             )
         )
     return _Sides(*(np.concatenate([getattr(each, item.name) for each in found]) for item in fields(_Sides)))

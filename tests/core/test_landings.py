@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from ivg_addon.core.bake import prepare_course
 from ivg_addon.core.dual_cells import Lattice
@@ -34,16 +35,22 @@ def walk(of: Scene, settings: BakeSettings) -> Walk:
     return finish(walk_steps(prepare_course(of, lattice, settings.photons), lattice, settings))
 
 
+def total(of: Walk) -> NDArray[np.float64]:
+    return np.asarray(of.received.sum(axis=(0, 1), dtype=np.float64))
+
+
 def test_what_is_received_and_not_reflected_is_absorbed() -> None:
     everything = walk(room(), replace(SETTINGS, include_direct=True))
-    received = everything.received.sum(axis=(0, 1))
+    received = total(everything)
     np.testing.assert_allclose(received * (1.0 - ALBEDO), everything.absorbed, rtol=ROUNDING)
 
 
 def test_direct_light_counts_only_where_the_grid_counts_it() -> None:
     """All photons of a closed room land once before they bounce."""
     everything, indirect = (walk(room(), replace(SETTINGS, include_direct=direct)) for direct in (True, False))
-    direct = everything.received.sum(axis=(0, 1)) - indirect.received.sum(axis=(0, 1))
+    direct = everything.received.sum(axis=(0, 1), dtype=np.float64) - indirect.received.sum(
+        axis=(0, 1), dtype=np.float64
+    )
     np.testing.assert_allclose(direct, 1.0, rtol=ROUNDING)
     np.testing.assert_array_equal(everything.bin_counts, indirect.bin_counts)
 
