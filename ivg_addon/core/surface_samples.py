@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from .dual_cells import Lattice
 from .embree import MISS
-from .lit_volume import LightKnowledge
+from .lit_volume import SEVERAL_PHOTONS, LightKnowledge
 from .lobes import KIND
 from .progress import Progress, part
 from .scene import MATTE, NO_TEXTURE, SHEEN, TRANSLUCENT, Float32, Int32
@@ -135,7 +135,7 @@ def _asked(
     for side in range(2):
         shades = surfaces.reflects & _is_diffuse(surfaces, side)[surfaces.material]
         here, beyond = knowledge.bin_counts[:, side], knowledge.bin_counts[:, 1 - side]
-        is_dark = (here <= knowledge.least_share * beyond) & (beyond > 0)
+        is_dark = (here <= knowledge.least_share * beyond) & (beyond >= SEVERAL_PHOTONS)
         patch = np.flatnonzero(inside & shades[patches.triangle] & ~is_dark)
         found.append(
             _Sides(

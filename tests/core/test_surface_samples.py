@@ -154,6 +154,20 @@ def test_triangles_without_area_tell_nothing() -> None:
     np.testing.assert_allclose(found.area.sum(), 16.0, rtol=1e-5)
 
 
+def test_sparse_photons_on_both_sides_leave_no_bias() -> None:
+    """A sheet in a room: neither side is taken for dark where chance left it without a photon. Four standard errors."""
+    sheet = quad((-1, -1, 0.5), (2, 0, 0), (0, 2, 0))
+    of = scene([box((-2, -2, -0.5), (2, 2, 1.5), inward=True), sheet])
+    for seed in range(3):
+        found = samples(of, everywhere, lambda places, _: np.abs(places[:, 2] - 0.5) < 1e-6, seed=seed)
+        on_sheet = np.abs(found.points[:, 2] - 0.5) < 1e-6
+        on_sheet &= (np.abs(found.points[:, :2]) < 1.0).all(axis=1)
+        area = found.area[on_sheet]
+        np.testing.assert_allclose(area.sum(), 8.0, rtol=0.02)
+        mean = (area[:, None] * found.irradiance[on_sheet]).sum(axis=0) / area.sum()
+        np.testing.assert_allclose(mean, LIGHT, rtol=4 / np.sqrt(64 * 8))
+
+
 def test_beyond_the_box_nothing_is_asked() -> None:
     far = quad((-50, -50, 0), (100, 0, 0), (0, 100, 0))
     found = samples(scene([far]), everywhere)
