@@ -151,8 +151,8 @@ def bake_steps(scene: Scene, settings: BakeSettings) -> Generator[Progress, None
         parts = LitParts.whole(lattice)
     grid = _grid(flown.vectors, parts, partitions, lattice, record)
     if _measures_lit_volume(settings):
-        watts = walk.received * np.float32(course.emission.flux_scale)
-        fitting = fit_steps(grid, knowledge, course.surfaces, watts, settings.threads)
+        landed = (walk.received, course.emission.flux_scale)
+        fitting = fit_steps(grid, knowledge, course.surfaces, *landed, settings.threads)
         corrected, corrections = yield from part(fitting, _FITTED, 1.0)
         grid = replace(grid, corrected=corrected, corrections=corrections)
     statistics = _statistics(settings, course.emission, walk)
@@ -276,7 +276,7 @@ def _compile_kernels(scene: Scene, course: Course, settings: BakeSettings, recor
         outshone = finish(outshone_steps(knowledge, course.walls, lattice, partitions, 0, 1))
         parts = finish(lit_part_steps(knowledge, lattice, partitions, outshone, 1, 0, 1))
         grid = _grid(walk.tally.vectors(1.0), parts, partitions, lattice, record)
-        finish(fit_steps(grid, knowledge, course.surfaces, walk.received, 1))
+        finish(fit_steps(grid, knowledge, course.surfaces, walk.received, 1.0, 1))
 
 
 def _grid(

@@ -42,14 +42,19 @@ _NORMALS = 4096
 
 
 def fit_steps(
-    grid: IrradianceVectorGrid, knowledge: LightKnowledge, surfaces: Surfaces, received: Float32, threads: int
+    grid: IrradianceVectorGrid,
+    knowledge: LightKnowledge,
+    surfaces: Surfaces,
+    received: Float32,
+    flux_scale: float,
+    threads: int,
 ) -> Generator[Progress, None, tuple[NDArray[np.int32], NDArray[np.float32]]]:
     """Fit a grid to the light that its surfaces received; yields as it goes.
 
     Parameters
     ----------
     received : (patches, 2, 3) float32
-        Watts of the grid's light that arrived at each side of each patch.
+        The grid's light that arrived at each side of each patch, in units of `flux_scale` watts.
     threads
         0 for one per processor.
 
@@ -60,7 +65,7 @@ def fit_steps(
     corrections : (k, 12, 3) float32
         δ, in moments.
     """
-    asked = knowledge.of_bright_places(), surfaces, received, grid.lattice, grid.irradiance
+    asked = knowledge.of_bright_places(), surfaces, received, flux_scale, grid.lattice, grid.irradiance
     samples = yield from part(surface_sample_steps(*asked, threads), 0.0, 0.3)
     basis = even_basis()
     readings, vertices = Readings.of(grid, samples.points, samples.normals, basis).compact()
@@ -69,7 +74,8 @@ def fit_steps(
         change = current
         yield Progress(TASK, 0.4 + 0.6 * step / STEPS)
     yield Progress(TASK, 1.0)
-    corrections = np.einsum("mk,vkc->vmc", basis, change).astype(np.float32)
+    largest = float(np.finfo(np.float32).max)
+    corrections = np.clip(np.einsum("mk,vkc->vmc", basis, change), -largest, largest).astype(np.float32)
     changed = corrections.any(axis=(1, 2))
     return vertices[changed].astype(np.int32), corrections[changed]
 

@@ -70,7 +70,7 @@ class SurfaceSamples:
 
 @dataclass(frozen=True)
 class _Sides:
-    """Sides of n patches: the patch, its centre, the side's normal, its area, the watts and photons it received."""
+    """Sides of n patches: the patch, its centre, the side's normal, its area, what flux and photons it received."""
 
     patch: NDArray[np.int64]
     centre: Float32
@@ -88,6 +88,7 @@ def surface_sample_steps(
     knowledge: LightKnowledge,
     surfaces: Surfaces,
     received: Float32,
+    flux_scale: float,
     lattice: Lattice,
     expected: Callable[[Float64, Float64], NDArray[np.floating]],
     threads: int,
@@ -97,7 +98,7 @@ def surface_sample_steps(
     Parameters
     ----------
     received : (patches, 2, 3) float32
-        Watts of the grid's light that arrived at each side of each patch.
+        The grid's light that arrived at each side of each patch, in units of `flux_scale` watts.
     expected
         Irradiance (n, 3) that one would expect at points with normals, roughly.
     threads
@@ -111,12 +112,13 @@ def surface_sample_steps(
     density = np.bincount(group, sides.photons) / np.bincount(group, sides.area)
     # None where others of the sample got many: something lies there.
     uncovered = (sides.photons > 0) | (density[group] * sides.area < _BY_CHANCE)
-    samples, photons = _merged(sides.only(uncovered), np.unique(group[uncovered], return_inverse=True)[1])
+    group = np.unique(group[uncovered], return_inverse=True)[1]
+    samples, photons = _merged(sides.only(uncovered), group, flux_scale)
     good = _free_before(knowledge, lattice, samples)
     # Nor was a whole sample left dark by chance where the light around would have brought many, or where no light is.
     dark = np.flatnonzero(good & (photons == 0))
     points, normals = samples.points[dark], samples.normals[dark]
-    watts = float(received.sum(dtype=np.float64)) / 3.0 / max(1, int(knowledge.bin_counts.sum()))
+    watts = flux_scale * float(received.sum(dtype=np.float64)) / 3.0 / max(1, int(knowledge.bin_counts.sum()))
     few = expected(points, normals).mean(axis=1) * samples.area[dark] < _BY_CHANCE * watts
     good[dark] = few & knowledge.lit(_lifted(points, normals, lattice), dark.astype(np.int64), 0)
     yield Progress(TASK, 1.0)
@@ -128,9 +130,10 @@ def _asked(
 ) -> _Sides:
     """Return the sides in the box whose irradiance shades something, but those that are dark while the other is lit."""
     inside = ((patches.centre >= lattice.bounds_min) & (patches.centre <= lattice.bounds_max)).all(axis=1)
-    # Triangles without area have no normal.
+    # Triangles without area have no normal; what is larger than a voxel's face tells of no place.
     has_normal = (surfaces.planes[:, :3] ** 2).sum(axis=1) > 0.5
-    inside &= (patches.area > 0.0) & has_normal[patches.triangle]
+    largest = np.prod(lattice.voxel_size) ** (2.0 / 3.0)
+    inside &= (patches.area > 0.0) & (patches.area <= largest) & has_normal[patches.triangle]
     found = []
     for side in range(2):
         shades = surfaces.reflects & _is_diffuse(surfaces, side)[surfaces.material]
@@ -195,19 +198,20 @@ def _together(sides: _Sides, lattice: Lattice) -> NDArray[np.int64]:
     return np.unique(key, return_inverse=True)[1]
 
 
-def _merged(sides: _Sides, group: NDArray[np.int64]) -> tuple[SurfaceSamples, NDArray[np.int64]]:
+def _merged(sides: _Sides, group: NDArray[np.int64], flux_scale: float) -> tuple[SurfaceSamples, NDArray[np.int64]]:
     """Return the samples that sides belong to, and how many photons each got."""
-    area: Float64 = np.bincount(group, sides.area).astype(np.float64)
+    of_side: Float64 = sides.area.astype(np.float64)
+    area: Float64 = np.bincount(group, of_side).astype(np.float64)
 
     def mean(values: NDArray[np.floating]) -> Float64:
         return np.stack([np.bincount(group, column) for column in values.T], axis=1) / area[:, None]
 
-    facing = mean(sides.area[:, None] * sides.normal)
+    facing = mean(of_side[:, None] * sides.normal)
     samples = SurfaceSamples(
-        points=mean(sides.area[:, None] * sides.centre),
+        points=mean(of_side[:, None] * sides.centre),
         normals=facing / np.linalg.norm(facing, axis=1, keepdims=True),
         area=area,
-        irradiance=mean(sides.flux),
+        irradiance=flux_scale * mean(sides.flux),
     )
     return samples, np.bincount(group, sides.photons).astype(np.int64)
 

@@ -269,6 +269,7 @@ def test_any_triangles_give_a_finite_grid_or_one_clear_error(
         assert "\n" not in str(error)
         return
     assert np.isfinite(result.grid.vectors).all()
+    assert np.isfinite(result.grid.corrections).all()
     assert ((result.grid.validity >= 0) & (result.grid.validity <= 1)).all()
     told = result.statistics
     for row in ("emitted", "escaped", "cut"):

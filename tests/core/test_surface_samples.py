@@ -67,7 +67,7 @@ def samples(of: Scene, front: Share, back: Share | None = None, seed: int | None
     def light(points: Float64, normals: Float64) -> Float64:
         return np.broadcast_to(LIGHT, points.shape)
 
-    return finish(surface_sample_steps(knowledge, Surfaces.of(of, bins), received, LATTICE, light, 2))
+    return finish(surface_sample_steps(knowledge, Surfaces.of(of, bins), received, 1.0, LATTICE, light, 2))
 
 
 def everywhere(places: Float64, normals: Float64) -> NDArray[np.bool_]:
